@@ -1,0 +1,31 @@
+"""Mechanisms with loops: model, closure rows and their derivatives, and position solvers."""
+
+if __name__ != "closedchain.closure":
+    raise ImportError("import closedchain.closure, not closure: two copies of a class never match")
+
+from closedchain.closure.constraints import constraint_drift, constraint_jacobian, residual
+from closedchain.closure.kinds import Closure, Coupling
+from closedchain.closure.loading import load_urdf, mechanism_from_description
+from closedchain.closure.mechanism import Mechanism, TaskFrame
+from closedchain.closure.nearest import close
+from closedchain.closure.position import direct, inverse
+from closedchain.closure.ranks import Rank, numerical_rank
+from closedchain.closure.solution import Solution
+
+__all__ = [
+    "Closure",
+    "Coupling",
+    "Mechanism",
+    "Rank",
+    "Solution",
+    "TaskFrame",
+    "close",
+    "constraint_drift",
+    "constraint_jacobian",
+    "direct",
+    "inverse",
+    "load_urdf",
+    "mechanism_from_description",
+    "numerical_rank",
+    "residual",
+]

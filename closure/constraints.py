@@ -1,0 +1,85 @@
+"""Residual of the loop closures, its exact Jacobian, and its drift term."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from closedchain.closure.mechanism import Mechanism
+
+
+def residual(mechanism: Mechanism, q: ArrayLike) -> np.ndarray:
+    """Gaps of all loop closures.
+
+    Parameters
+    ----------
+    q : (nq,) array
+
+    Returns
+    -------
+    (rows,) array
+        In the order of ``mechanism.closures``: lengths [m] along the axes of frame 1, then angles
+        [rad] (cosines of angles that must be right; for a fixed closure log6 of the gap).
+
+    Raises
+    ------
+    ClosureError
+        Malformed ``q``.
+    """
+    return mechanism.workspace.residual(mechanism.configuration(q))
+
+
+def constraint_jacobian(mechanism: Mechanism, q: ArrayLike) -> np.ndarray:
+    """Jacobian K of the residual, exact on and off closure.
+
+    Parameters
+    ----------
+    q : (nq,) array
+
+    Returns
+    -------
+    (rows, nv) array
+        Derivative of ``residual`` along the tangent of ``q`` (``pin.integrate``).
+
+    Raises
+    ------
+    ClosureError
+        Malformed ``q``.
+    """
+    return mechanism.workspace.evaluate(mechanism.configuration(q))[1]
+
+
+def constraint_drift(mechanism: Mechanism, q: ArrayLike, v: ArrayLike) -> np.ndarray:
+    """Drift Kdot v: second time derivative of the residual at zero joint acceleration.
+
+    Parameters
+    ----------
+    q : (nq,) array
+    v : (nv,) array
+        Joint velocities [m/s, rad/s].
+
+    Returns
+    -------
+    (rows,) array
+        [m/s^2 or rad/s^2]
+
+    Raises
+    ------
+    ClosureError
+        Malformed ``q`` or ``v``.
+    """
+    return mechanism.workspace.drift(mechanism.configuration(q), mechanism.tangent(v))
+
+
+def gaps(mechanism: Mechanism, values: np.ndarray) -> list[tuple[str, float]]:
+    """Description and largest absolute row of each closure, worst first."""
+    found = [
+        (closure.describe(), float(np.max(np.abs(values[where]))))
+        for closure, where in zip(mechanism.closures, mechanism.row_slices, strict=True)
+    ]
+    return sorted(found, key=lambda item: -item[1])
+
+
+def flipped_axes(mechanism: Mechanism, q: np.ndarray) -> list[str]:
+    """Closures whose axes are opposed: the rows vanish there too, yet the joint is mirrored."""
+    return mechanism.workspace.flipped(q)

@@ -1,0 +1,46 @@
+"""Following one branch of solutions while a prescribed quantity moves from 0 to 1.
+
+The path is cut into sub-steps until Newton's method, warm-started, contracts fast and the sign of
+the determinant stays: a step that would land on another branch is refused, not taken.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from closedchain.closure.equations import Corrected, Equations, correct
+
+SMALLEST_STEP = 1e-6
+
+At = Callable[[np.ndarray, float], tuple[Equations, np.ndarray]]
+"""From the last posture and the new path parameter: the equations and the start of Newton."""
+
+
+@dataclass(frozen=True)
+class Followed:
+    """Where following ended: parameter reached (1 = all the way), posture, evaluations, why."""
+
+    reached: float
+    last: Corrected
+    evaluations: int
+    refusal: str | None
+
+
+def follow(at: At, start: Corrected) -> Followed:
+    """Follow the branch of ``start`` (parameter 0) as far as it goes."""
+    reached, last, step = 0.0, start, 1.0
+    evaluations, refusal = start.evaluations, None
+    while reached < 1.0 and step >= SMALLEST_STEP:
+        to = min(1.0, reached + step)
+        equations, q = at(last.q, to)
+        trial = correct(equations, q, start.branch, last.factors)
+        evaluations += trial.evaluations
+        if trial.refusal is None:
+            reached, last, step, refusal = to, trial, 2.0 * step, None
+        else:
+            step *= 0.5
+            refusal = trial.refusal
+    return Followed(reached, last, evaluations, refusal)

@@ -1,0 +1,189 @@
+"""The equations that a position solver drives to zero: closures, then goals, dimensionless.
+
+Rows are divided and columns multiplied by the mechanism's units (``length`` or 1), so that ranks,
+steps and determinants mean the same for lengths and angles.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+import pinocchio as pin
+from scipy.linalg import lapack
+
+from closedchain.closure.mechanism import Mechanism
+from closedchain.closure.ranks import RANK_TOLERANCE
+from closedchain.closure.task import Goal, goal_rows
+
+RESIDUAL_TOLERANCE = 1e-12
+"""Largest row [m or rad] of a posture that counts as closed."""
+
+
+@dataclass(frozen=True, eq=False)
+class Equations:
+    """Closures and goals of a mechanism in the unknowns ``free`` (indices in v).
+
+    ``within`` are limits (lower, upper) of q that steps are clipped to, if any.
+    """
+
+    mechanism: Mechanism
+    free: np.ndarray
+    goals: tuple[Goal, ...] = ()
+    within: tuple[np.ndarray, np.ndarray] | None = field(default=None, repr=False)
+
+    @cached_property
+    def row_scale(self) -> np.ndarray:
+        """Unit of each row, (rows,)."""
+        if not self.goals:
+            return self.mechanism.row_scale
+        length = self.mechanism.length
+        units = [np.where(g.translational, length, 1.0) for g in self.goals]
+        return np.concatenate([self.mechanism.row_scale, *units])
+
+    @cached_property
+    def _scaling(self) -> np.ndarray:
+        if not self.goals and self.free is self.mechanism.passive_v:
+            return self.mechanism.passive_scaling
+        return self.mechanism.column_scale[self.free] / self.row_scale[:, None]
+
+    @cached_property
+    def all_free(self) -> bool:
+        """Whether every tangent coordinate is an unknown."""
+        return self.free.size == self.mechanism.model.nv
+
+    def evaluate(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Residual (rows,) [m, rad] and dimensionless Jacobian (rows, free) at ``q``."""
+        values, jacobian = self.mechanism.workspace.evaluate(q)
+        if self.goals:
+            extra = [goal_rows(self.mechanism, g) for g in self.goals]
+            values = np.concatenate([values, *(e[0] for e in extra)])
+            jacobian = np.vstack([jacobian, *(e[1] for e in extra)])
+        if not self.all_free:
+            jacobian = jacobian[:, self.free]
+        return values, jacobian * self._scaling
+
+    def residual(self, q: np.ndarray) -> np.ndarray:
+        """Residual (rows,) [m, rad] alone at ``q``."""
+        return self.evaluate(q)[0] if self.goals else self.mechanism.workspace.residual(q)
+
+    def move(self, q: np.ndarray, step: np.ndarray) -> np.ndarray:
+        """Posture after a dimensionless step (free,) of the unknowns."""
+        v = np.zeros(self.mechanism.model.nv)
+        v[self.free] = step * self.mechanism.column_scale[self.free]
+        q = pin.integrate(self.mechanism.model, q, v)
+        return q if self.within is None else np.clip(q, *self.within)
+
+
+@dataclass(frozen=True, eq=False)
+class Factors:
+    """LU factors of a square dimensionless Jacobian; ``sign`` is that of its determinant.
+
+    Sign 0 marks a singular matrix, which cannot be solved with.
+    """
+
+    lu: np.ndarray
+    pivots: np.ndarray
+    sign: int
+
+    @classmethod
+    def of(cls, matrix: np.ndarray) -> Factors:
+        """Factorise (n, n)."""
+        lu, pivots, info = lapack.dgetrf(matrix)
+        diagonal = lu.diagonal()
+        size = np.abs(diagonal)
+        if info != 0 or size.min() < PIVOT_LIMIT * size.max():
+            return cls(lu, pivots, 0)
+        swaps = np.count_nonzero(pivots != np.arange(pivots.size))
+        negative = np.count_nonzero(diagonal < 0.0)
+        return cls(lu, pivots, -1 if (swaps + negative) % 2 else 1)
+
+    def step(self, values: np.ndarray) -> np.ndarray:
+        """Newton step (n,) for residual ``values`` (n,)."""
+        return -lapack.dgetrs(self.lu, self.pivots, values)[0]
+
+
+@dataclass(frozen=True, eq=False)
+class Corrected:
+    """Outcome of Newton's method from nearby: the posture, or why it was refused.
+
+    ``branch`` is the sign of the determinant at the last Jacobian, None for systems that are not
+    square; ``factors`` are those of that Jacobian.
+    """
+
+    q: np.ndarray
+    residual: float
+    branch: int | None
+    evaluations: int
+    factors: Factors | None = None
+    refusal: str | None = None
+
+
+FIRST_STEP = 0.5  # dimensionless: half the characteristic length, or half a radian
+CONTRACTION = 0.3  # of successive steps: what Newton's method shows well inside its basin
+QUADRATIC = 1e-6  # a step this small leaves an error at rounding level
+PIVOT_LIMIT = 1e-14  # of the largest pivot: below it a square system is singular to rounding
+ITERATIONS = 12
+
+
+def correct(
+    equations: Equations,
+    q: np.ndarray,
+    branch: int | None = None,
+    chord: Factors | None = None,
+) -> Corrected:
+    """Newton's method from a nearby posture that must not change branch.
+
+    Refuses when the first step is large, when steps do not shrink fast, when the system is
+    singular, or when the sign of its determinant differs from ``branch``: in each case the basin
+    of another solution may be near. With ``chord``, factors from nearby, the first step costs a
+    residual only.
+    """
+    last_step, count = FIRST_STEP, 0
+    if chord is not None:
+        count = 1
+        step = chord.step(equations.residual(q) / equations.row_scale)
+        size = math.sqrt(step @ step)
+        if not size <= last_step:
+            return Corrected(q, math.inf, chord.sign, count, refusal="step")
+        last_step = max(CONTRACTION * size, 1e-14)
+        q = equations.move(q, step)
+    factors, sign = None, None
+    while count < ITERATIONS:
+        count += 1
+        values, matrix = equations.evaluate(q)
+        scaled = values / equations.row_scale
+        if matrix.shape[0] != matrix.shape[1]:
+            step = -np.linalg.lstsq(matrix, scaled, rcond=RANK_TOLERANCE)[0]
+        elif matrix.size:
+            factors = Factors.of(matrix)
+            sign = factors.sign
+            if sign == 0 or sign == -(branch or 0):
+                why = "sign" if sign else "singular"
+                return Corrected(q, largest(values), sign, count, factors, why)
+            step = factors.step(scaled)
+        else:
+            return Corrected(q, 0.0, 1, count)
+        size = math.sqrt(step @ step)
+        closed = largest(values)
+        if size < QUADRATIC and closed < 0.1 * RESIDUAL_TOLERANCE:
+            return Corrected(q, closed, sign, count, factors)
+        if not size <= last_step:
+            # below this size steps are rounding: a closed posture does not get any better
+            rounding = size < 1e-9 and closed < RESIDUAL_TOLERANCE
+            return Corrected(q, closed, sign, count, factors, None if rounding else "step")
+        last_step = max(CONTRACTION * size, 1e-14)
+        q = equations.move(q, step)
+        if size < QUADRATIC:
+            # the error left is of the order of size^2: one look at the residual settles it
+            closed = largest(equations.residual(q))
+            if closed < 0.1 * RESIDUAL_TOLERANCE:
+                return Corrected(q, closed, sign, count, factors)
+    return Corrected(q, closed, sign, count, factors, "slow")
+
+
+def largest(values: np.ndarray) -> float:
+    """Largest absolute entry; 0 for none."""
+    return max(float(values.max()), -float(values.min())) if values.size else 0.0

@@ -1,0 +1,162 @@
+"""From a description to a mechanism: Pinocchio model, closures, task, length, closed home."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+
+from closedchain.closure.kinds import Closure, Coupling
+from closedchain.closure.mechanism import Mechanism, TaskFrame
+from closedchain.closure.nearest import close
+from closedchain.closure.tree import Tree, build_tree, se3
+from closedchain.urdf.description import Description, LoopClosure, ParameterValue
+from closedchain.urdf.errors import DescriptionError
+
+
+def load_urdf(
+    source: str | os.PathLike[str], *, xacro: bool = True, **parameters: ParameterValue
+) -> Mechanism:
+    """Load a closed-chain mechanism from a URDF or xacro file, or from its text.
+
+    A xacro file is code: it evaluates Python expressions. ``xacro=False`` reads plain URDF only
+    and is there for text that is not trusted.
+
+    Parameters
+    ----------
+    source : path or str
+        A file, or the text itself (it begins with ``<``).
+    parameters : numbers, strings or booleans
+        Values for the file's ``<xacro:arg>``.
+
+    Raises
+    ------
+    DescriptionError
+        Anything wrong with the file or the parameters, with line, element and name.
+    """
+    from closedchain.urdf import load_description
+
+    return mechanism_from_description(load_description(source, parameters, xacro=xacro))
+
+
+def mechanism_from_description(description: Description) -> Mechanism:
+    """Build the mechanism that a description describes and close its home posture.
+
+    Raises
+    ------
+    DescriptionError
+        The loops cannot be closed from the stated home posture; names the closure that stays open.
+    """
+    tree = build_tree(description)
+    closures: tuple[Closure | Coupling, ...] = (
+        *(_closure(tree, spec) for spec in description.closures),
+        *(_coupling(tree, description, i) for i in range(len(description.couplings))),
+    )
+    task = description.task
+    stated = _stated_home(tree, description)
+    mechanism = Mechanism(
+        name=description.name,
+        model=tree.model,
+        closures=closures,
+        inputs=tuple(spec.name for spec in description.inputs),
+        task=None if task is None else TaskFrame(task.base, task.tip, task.outputs),
+        home=stated,
+        parameters=description.parameters,
+        length=_length(tree, description, closures, stated),
+        description=description,
+    )
+    return replace(mechanism, home=_closed_home(mechanism, stated))
+
+
+def _closed_home(mechanism: Mechanism, stated: np.ndarray) -> np.ndarray:
+    if not mechanism.closures:
+        return stated
+    solution = close(mechanism, guess=stated)
+    if not solution.converged:
+        raise DescriptionError(
+            f"the home posture of {mechanism.name!r} cannot be closed: {solution.message}; give "
+            'parameters that fit, or joint values nearer to closure in <group_state name="home">'
+        )
+    return solution.q
+
+
+def _closure(tree: Tree, spec: LoopClosure) -> Closure:
+    joint1, placement1 = tree.supports[spec.parent]
+    joint2, placement2 = tree.supports[spec.child]
+    return Closure(
+        name=spec.name,
+        kind=spec.type,
+        joint1=joint1,
+        placement1=placement1 * se3(spec.parent_origin) * _z_onto(spec.parent_axis),
+        joint2=joint2,
+        placement2=placement2 * se3(spec.child_origin) * _z_onto(spec.child_axis),
+        parent=spec.parent,
+        child=spec.child,
+    )
+
+
+def _z_onto(axis: tuple[float, float, float]) -> pin.SE3:
+    """Rotation by the least angle that takes z onto ``axis``; half a turn about x for -z."""
+    target = np.array(axis)
+    if target[2] < -1.0 + 1e-12:
+        return pin.SE3(np.diag([1.0, -1.0, -1.0]), np.zeros(3))
+    quaternion = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), target)
+    return pin.SE3(quaternion.matrix(), np.zeros(3))
+
+
+def _coupling(tree: Tree, description: Description, index: int) -> Coupling:
+    spec = description.couplings[index]
+    model = tree.model
+    follower, leader = model.getJointId(spec.joint), model.getJointId(spec.leader)
+    prismatic = {j.name for j in description.joints if j.type == "prismatic"}
+    return Coupling(
+        name=f"{spec.joint}_mimic",
+        follower_q=model.idx_qs[follower],
+        follower_v=model.idx_vs[follower],
+        leader_q=model.idx_qs[leader],
+        leader_v=model.idx_vs[leader],
+        ratio=spec.multiplier,
+        offset=spec.offset,
+        length_row=spec.joint in prismatic,
+        follower=spec.joint,
+        leader=spec.leader,
+    )
+
+
+def _stated_home(tree: Tree, description: Description) -> np.ndarray:
+    home = np.array(pin.neutral(tree.model))
+    for name, values in description.home.items():
+        joint = tree.model.joints[tree.model.getJointId(name)]
+        home[joint.idx_q : joint.idx_q + joint.nq] = values
+    return home
+
+
+def _length(
+    tree: Tree,
+    description: Description,
+    closures: tuple[Closure | Coupling, ...],
+    home: np.ndarray,
+) -> float:
+    """Characteristic length [m]: as stated by the task, else from the home posture.
+
+    Root mean square distance of the points where loops close from their centroid; of the joints
+    where fewer than two such points are apart; 1 for a mechanism without extent.
+    """
+    if description.task is not None and description.task.length is not None:
+        return description.task.length
+    data = tree.model.createData()
+    pin.forwardKinematics(tree.model, data, home)
+    loops = [c for c in closures if isinstance(c, Closure)]
+    for points in (
+        [(data.oMi[c.joint2] * c.placement2).translation for c in loops],
+        [m.translation for m in data.oMi],
+    ):
+        if len(points) < 2:
+            continue
+        spread = np.array(points) - np.mean(points, axis=0)
+        radius = float(np.sqrt(np.mean(np.sum(spread**2, axis=1))))
+        if radius > 1e-9:
+            return radius
+    return 1.0

@@ -1,0 +1,302 @@
+"""The mechanism: a spanning tree in Pinocchio, its loop closures, inputs, task and home posture."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike
+
+from closedchain.closure.kinds import Closure, Coupling
+from closedchain.closure.workspace import Workspace
+from closedchain.urdf.description import OUTPUTS, Description, ParameterValue
+from closedchain.urdf.errors import ClosureError, known_names
+
+QUATERNION_TOLERANCE = 1e-6
+
+
+@dataclass(frozen=True)
+class TaskFrame:
+    """What the mechanism is for: the motion of link ``tip`` against the fixed link ``base``.
+
+    ``outputs``: x y z are the velocity of the tip's origin, rx ry rz its angular velocity. With
+    all three rotations, or none, components are along the world's axes; with one or two, along the
+    tip's own axes, so that "x y z rx rz" is a position and the direction of the tip's y axis.
+    """
+
+    base: str
+    tip: str
+    outputs: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Mechanism:
+    """A closed-chain mechanism. Immutable; functions of ``(mechanism, q)`` do the work.
+
+    Attributes
+    ----------
+    name : str
+    model : pin.Model
+        Spanning tree; ``q`` (nq,) is its configuration, ``v`` (nv,) the tangent.
+    closures : tuple of Closure and Coupling
+        In the order of the rows of the residual.
+    inputs : tuple of str
+        Names of the actuated joints, in order.
+    task : TaskFrame or None
+    home : (nq,) array
+        Closed to 1e-12.
+    parameters : mapping
+        Parameters of the description and their values in force.
+    length : float
+        Characteristic length [m] that makes lengths dimensionless.
+    description : Description
+        What the mechanism was built from.
+    """
+
+    name: str
+    model: pin.Model
+    closures: tuple[Closure | Coupling, ...]
+    inputs: tuple[str, ...]
+    task: TaskFrame | None
+    home: np.ndarray
+    parameters: Mapping[str, ParameterValue]
+    length: float
+    description: Description = field(repr=False)
+
+    def __post_init__(self) -> None:
+        """Write-protect the home posture and the parameters."""
+        home = np.array(self.home, dtype=float)
+        home.setflags(write=False)
+        object.__setattr__(self, "home", home)
+        object.__setattr__(self, "parameters", MappingProxyType(dict(self.parameters)))
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Pickle the fields only: Pinocchio's constraint data do not pickle and are rebuilt."""
+        state = {name: getattr(self, name) for name in self.__dataclass_fields__}
+        return {**state, "parameters": dict(self.parameters)}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Restore the fields."""
+        for name, value in state.items():
+            object.__setattr__(self, name, value)
+        self.__post_init__()
+
+    def __copy__(self) -> Mechanism:
+        """Share nothing mutable: nothing here is mutable, so a copy is the mechanism itself."""
+        return self
+
+    def __repr__(self) -> str:
+        """One line: name, freedoms of the tree, closures, inputs."""
+        return (
+            f"Mechanism({self.name!r}: nq {self.model.nq}, nv {self.model.nv}, "
+            f"{len(self.closures)} closures with {self.rows} rows, inputs {' '.join(self.inputs)})"
+        )
+
+    # -- sizes, columns and scales ---------------------------------------------------------------
+
+    @cached_property
+    def rows(self) -> int:
+        """Number of closure rows."""
+        return sum(closure.rows for closure in self.closures)
+
+    @cached_property
+    def row_slices(self) -> tuple[slice, ...]:
+        """Rows of each closure in the residual."""
+        ends = np.cumsum([closure.rows for closure in self.closures])
+        return tuple(
+            slice(int(end) - c.rows, int(end)) for end, c in zip(ends, self.closures, strict=True)
+        )
+
+    @cached_property
+    def _input_joints(self) -> tuple[int, ...]:
+        by_name = {spec.name: spec.joint for spec in self.description.inputs}
+        return tuple(self.model.getJointId(by_name[name]) for name in self.inputs)
+
+    @cached_property
+    def input_q(self) -> np.ndarray:
+        """Index of each input in ``q``, shape (n_inputs,)."""
+        return np.array([self.model.idx_qs[j] for j in self._input_joints], dtype=int)
+
+    @cached_property
+    def input_v(self) -> np.ndarray:
+        """Index of each input in ``v``, shape (n_inputs,)."""
+        return np.array([self.model.idx_vs[j] for j in self._input_joints], dtype=int)
+
+    @cached_property
+    def passive_v(self) -> np.ndarray:
+        """Indices in ``v`` of everything that is no input, shape (nv - n_inputs,)."""
+        return np.setdiff1d(np.arange(self.model.nv), self.input_v)
+
+    @cached_property
+    def column_scale(self) -> np.ndarray:
+        """Unit of each tangent coordinate, (nv,): ``length`` for translations, 1 for rotations."""
+        scale = np.ones(self.model.nv)
+        for joint in list(self.model.joints)[1:]:
+            kind = joint.shortname()
+            if "Prismatic" in kind or kind in {"JointModelPX", "JointModelPY", "JointModelPZ"}:
+                scale[joint.idx_v] = self.length
+            elif kind == "JointModelFreeFlyer":
+                scale[joint.idx_v : joint.idx_v + 3] = self.length
+        return scale
+
+    @cached_property
+    def row_scale(self) -> np.ndarray:
+        """Unit of each closure row, (rows,): ``length`` for lengths, 1 for angles."""
+        if not self.closures:
+            return np.zeros(0)
+        lengths = np.concatenate([closure.translational for closure in self.closures])
+        return np.where(lengths, self.length, 1.0)
+
+    @cached_property
+    def passive_scaling(self) -> np.ndarray:
+        """Factors (rows, passive) that make K in the passive columns dimensionless."""
+        return self.column_scale[self.passive_v] / self.row_scale[:, None]
+
+    @cached_property
+    def limits(self) -> tuple[np.ndarray, np.ndarray]:
+        """Lower and upper limits of ``q``, (nq,) each; infinite for floating joints."""
+        lower, upper = np.full(self.model.nq, -np.inf), np.full(self.model.nq, np.inf)
+        for joint in list(self.model.joints)[1:]:
+            if joint.nq == 1:
+                lower[joint.idx_q] = self.model.lowerPositionLimit[joint.idx_q]
+                upper[joint.idx_q] = self.model.upperPositionLimit[joint.idx_q]
+        return lower, upper
+
+    # -- reading a posture -----------------------------------------------------------------------
+
+    def configuration(self, q: ArrayLike) -> np.ndarray:
+        """Check a configuration: (nq,) finite numbers with unit quaternions.
+
+        Raises
+        ------
+        ClosureError
+            Wrong shape, NaN or infinite entries, or a quaternion that is not normalised.
+        """
+        array = _finite_vector(q, self.model.nq, "configuration q", "nq")
+        for start in self._quaternions:
+            norm = float(np.linalg.norm(array[start : start + 4]))
+            if abs(norm - 1.0) > QUATERNION_TOLERANCE:
+                raise ClosureError(
+                    f"q[{start}:{start + 4}] is a quaternion (x y z w) of norm {norm:.6g}; it must "
+                    "be 1 (integrate with pin.integrate, never add to q)"
+                )
+        return array
+
+    def tangent(self, v: ArrayLike) -> np.ndarray:
+        """Check a velocity: (nv,) finite numbers. Raises ``ClosureError``."""
+        return _finite_vector(v, self.model.nv, "velocity v", "nv")
+
+    def input_vector(self, values: ArrayLike | Mapping[str, float], what: str) -> np.ndarray:
+        """Check one number per input, given in order or by name. Raises ``ClosureError``."""
+        if isinstance(values, Mapping):
+            for name in values:
+                if name not in self.inputs:
+                    raise ClosureError(known_names(str(name), "input", self.inputs))
+            missing = [name for name in self.inputs if name not in values]
+            if missing:
+                raise ClosureError(f"{what}: no value for input {', '.join(missing)}")
+            values = [values[name] for name in self.inputs]
+        return _finite_vector(values, len(self.inputs), what, " ".join(self.inputs))
+
+    @cached_property
+    def _quaternions(self) -> tuple[int, ...]:
+        joints = list(self.model.joints)[1:]
+        return tuple(j.idx_q + 3 for j in joints if j.shortname() == "JointModelFreeFlyer")
+
+    def input_values(self, q: ArrayLike) -> np.ndarray:
+        """Values of the inputs (n_inputs,) [m or rad] at configuration ``q`` (nq,)."""
+        return self.configuration(q)[self.input_q]
+
+    @cached_property
+    def frame_ids(self) -> dict[str, int]:
+        """Pinocchio frame of every link and named point."""
+        frames = enumerate(self.model.frames)
+        return {f.name: i for i, f in frames if f.type == pin.FrameType.BODY}
+
+    def frame_id(self, name: str) -> int:
+        """Pinocchio frame id of a link or named point. Raises ``ClosureError`` if unknown."""
+        try:
+            return self.frame_ids[name]
+        except KeyError:
+            raise ClosureError(known_names(name, "frame", self.frame_ids)) from None
+
+    def pose(self, q: ArrayLike, frame: str | None = None) -> pin.SE3:
+        """Pose of a frame in the world at ``q`` (nq,); the tip's where none is named.
+
+        Raises
+        ------
+        ClosureError
+            Bad ``q``, unknown frame, or no frame named and the mechanism has no task.
+        """
+        frame_id = self.frame_id(frame if frame is not None else self.required_task().tip)
+        q = self.configuration(q)
+        workspace = self.workspace
+        pin.forwardKinematics(self.model, workspace.data, q)
+        f = self.model.frames[frame_id]
+        return workspace.data.oMi[f.parentJoint] * f.placement
+
+    def point(self, q: ArrayLike, frame: str) -> np.ndarray:
+        """World position (3,) [m] of the origin of a named frame at ``q`` (nq,)."""
+        return np.array(self.pose(q, frame).translation)
+
+    def required_task(self) -> TaskFrame:
+        """Return the task, or raise ``ClosureError`` where the description states none."""
+        if self.task is None:
+            raise ClosureError(
+                f"mechanism {self.name!r} has no task: add "
+                '<task base="..." tip="..." outputs="x y z rx ry rz"/> to its URDF'
+            )
+        return self.task
+
+    def outputs(self, outputs: str | tuple[str, ...] | list[str] | None = None) -> tuple[str, ...]:
+        """Outputs of a task: those of the description, or a choice such as "x y z rx rz".
+
+        Raises
+        ------
+        ClosureError
+            No task, an unknown or repeated output, or none at all.
+        """
+        if outputs is None:
+            return self.required_task().outputs
+        names = tuple(outputs.replace(",", " ").split() if isinstance(outputs, str) else outputs)
+        for name in names:
+            if name not in OUTPUTS:
+                raise ClosureError(known_names(str(name), "output", OUTPUTS))
+        if not names or len(set(names)) < len(names):
+            raise ClosureError(f"outputs must be distinct and at least one of {' '.join(OUTPUTS)}")
+        self.required_task()
+        return tuple(sorted(names, key=OUTPUTS.index))
+
+    # -- Pinocchio's scratch space, one per thread -----------------------------------------------
+
+    @cached_property
+    def _local(self) -> threading.local:
+        return threading.local()
+
+    @property
+    def workspace(self) -> Workspace:
+        """Scratch data of this thread."""
+        try:
+            return self._local.workspace
+        except AttributeError:
+            self._local.workspace = Workspace(self.model, self.closures)
+            return self._local.workspace
+
+
+def _finite_vector(values: ArrayLike, size: int, what: str, unit: str) -> np.ndarray:
+    try:
+        array = np.array(values, dtype=float)
+    except (TypeError, ValueError):
+        raise ClosureError(f"{what} must be {size} numbers ({unit}), got {values!r}") from None
+    if array.shape != (size,):
+        raise ClosureError(f"{what} must have shape ({size},) ({unit}), got {array.shape}")
+    if not np.isfinite(array).all():
+        bad = np.flatnonzero(~np.isfinite(array))
+        raise ClosureError(f"{what} has entries that are not finite, at index {bad.tolist()}")
+    return array

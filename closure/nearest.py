@@ -1,0 +1,251 @@
+"""``close``: the closed posture nearest to a guess, with joints held, bodies placed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike
+
+from closedchain.closure.constraints import flipped_axes, gaps
+from closedchain.closure.equations import RESIDUAL_TOLERANCE, Equations
+from closedchain.closure.mechanism import Mechanism
+from closedchain.closure.ranks import null_space
+from closedchain.closure.solution import Solution
+from closedchain.closure.task import Goal, goal
+from closedchain.closure.trust_region import Descent, descend
+from closedchain.urdf.errors import ClosureError, known_names
+
+LIMIT_TOLERANCE = 1e-9
+
+
+def close(
+    mechanism: Mechanism,
+    guess: ArrayLike | None = None,
+    *,
+    fixed: Mapping[str, float | ArrayLike | pin.SE3] | None = None,
+    place: Mapping[str, pin.SE3] | None = None,
+    points: Mapping[str, ArrayLike] | None = None,
+) -> Solution:
+    """Find the closed posture nearest to ``guess``.
+
+    Distance is measured in the tangent space, lengths divided by ``mechanism.length``. Postures
+    within the joint limits are preferred; joints beyond them are reported.
+
+    Parameters
+    ----------
+    guess : (nq,) array, optional
+        Any posture, closed or not; home by default.
+    fixed : mapping of joint or input name to value, optional
+        Joints held: a number [m or rad], or for a floating joint a ``pin.SE3``.
+    place : mapping of link name to pin.SE3, optional
+        Bodies and their poses in the world, held exactly.
+    points : mapping of frame name to (3,) array, optional
+        Named points and world positions [m], met in the least-squares sense where the loops do
+        not let them be met exactly.
+
+    Returns
+    -------
+    Solution
+        ``converged`` says that all loops close, held joints and placed bodies included, and that
+        no cut joint is mirrored. The message states how far fitted points remain from their goals.
+
+    Raises
+    ------
+    ClosureError
+        Unknown names, malformed numbers.
+    """
+    q = mechanism.configuration(mechanism.home if guess is None else guess)
+    goals = (
+        *(goal(mechanism, name, _pose(name, pose)) for name, pose in (place or {}).items()),
+        *(_point_goal(mechanism, name, xyz) for name, xyz in (points or {}).items()),
+    )
+    q, free = _hold(mechanism, q, fixed or {})
+    q = _lay_floating_bodies(mechanism, q, free, goals)
+    equations = Equations(mechanism, free, goals)
+    found = descend(equations, q)
+    if beyond_limits(mechanism, found.q):
+        clipped = replace(equations, within=mechanism.limits)
+        inside = descend(clipped, np.clip(q, *mechanism.limits))
+        if inside.residual <= max(found.residual, RESIDUAL_TOLERANCE):
+            equations, found = clipped, inside
+    if found.closed:
+        found = _approach(equations, found, q)
+    elif points:
+        found = _fit(equations, found, len(points))
+    return _report(equations, found, points or {})
+
+
+def beyond_limits(mechanism: Mechanism, q: np.ndarray) -> tuple[str, ...]:
+    """Names of joints outside their limits at ``q`` (nq,)."""
+    lower, upper = mechanism.limits
+    bad = np.flatnonzero((q < lower) | (q > upper))
+    bad = bad[np.maximum(lower[bad] - q[bad], q[bad] - upper[bad]) > LIMIT_TOLERANCE]
+    if not bad.size:
+        return ()
+    names = {j.idx_q: n for j, n in zip(mechanism.model.joints, mechanism.model.names, strict=True)}
+    return tuple(names[int(i)] for i in bad)
+
+
+def limit_note(beyond: tuple[str, ...]) -> str:
+    """Sentence on joints beyond their limits; empty where there are none."""
+    return f"; beyond their limits: {', '.join(beyond)}" if beyond else ""
+
+
+def open_closure(mechanism: Mechanism, values: np.ndarray) -> str:
+    """Sentence naming the closure that is open the widest."""
+    name, gap = gaps(mechanism, values)[0]
+    return f"closure {name} stays open by {gap:.3g}"
+
+
+def _pose(name: str, pose: object) -> pin.SE3:
+    if not isinstance(pose, pin.SE3):
+        raise ClosureError(f"place[{name!r}] must be a pin.SE3, got {type(pose).__name__}")
+    if not np.isfinite(pose.homogeneous).all():
+        raise ClosureError(f"place[{name!r}] has entries that are not finite")
+    return pose
+
+
+def _point_goal(mechanism: Mechanism, name: str, xyz: ArrayLike) -> Goal:
+    position = np.array(xyz, dtype=float)
+    if position.shape != (3,) or not np.isfinite(position).all():
+        raise ClosureError(f"points[{name!r}] must be three finite numbers [m], got {xyz!r}")
+    return goal(mechanism, name, pin.SE3(np.eye(3), position), ("x", "y", "z"))
+
+
+def _hold(
+    mechanism: Mechanism, q: np.ndarray, fixed: Mapping[str, float | ArrayLike | pin.SE3]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Put held joints at their values; return the posture and the columns left free."""
+    q = q.copy()
+    inputs = dict(zip(mechanism.inputs, mechanism._input_joints, strict=True))
+    held = np.zeros(mechanism.model.nv, dtype=bool)
+    for name, value in fixed.items():
+        if name in inputs:
+            joint_id = inputs[name]
+        elif mechanism.model.existJointName(name):
+            joint_id = mechanism.model.getJointId(name)
+        else:
+            known = [*mechanism.inputs, *list(mechanism.model.names)[1:]]
+            raise ClosureError(known_names(name, "joint", known))
+        joint = mechanism.model.joints[joint_id]
+        if isinstance(value, pin.SE3):
+            value = pin.SE3ToXYZQUAT(value)
+        numbers = np.atleast_1d(np.array(value, dtype=float))
+        if numbers.shape != (joint.nq,) or not np.isfinite(numbers).all():
+            raise ClosureError(f"fixed[{name!r}] needs {joint.nq} finite number(s), got {value!r}")
+        q[joint.idx_q : joint.idx_q + joint.nq] = numbers
+        held[joint.idx_v : joint.idx_v + joint.nv] = True
+    return mechanism.configuration(q), np.flatnonzero(~held)
+
+
+def _lay_floating_bodies(
+    mechanism: Mechanism, q: np.ndarray, free: np.ndarray, goals: tuple[Goal, ...]
+) -> np.ndarray:
+    """Start with placed bodies already in place where a free floating joint carries them."""
+    q = q.copy()
+    for g in goals:
+        joint = mechanism.model.joints[g.joint] if g.joint else None
+        if len(g.outputs) == 6 and joint is not None and joint.nv == 6 and joint.idx_v in free:
+            parent = mechanism.model.parents[g.joint]
+            if parent == 0:
+                root = mechanism.model.jointPlacements[g.joint]
+                q[joint.idx_q : joint.idx_q + 7] = pin.SE3ToXYZQUAT(
+                    root.actInv(g.target * g.placement.inverse())
+                )
+    return q
+
+
+def _approach(equations: Equations, found: Descent, guess: np.ndarray) -> Descent:
+    """Slide along the closed postures until none nearer to the guess is found.
+
+    At the nearest one the displacement to the guess is orthogonal to the null space of the rows.
+    """
+    mechanism = equations.mechanism
+    free = equations.free
+
+    def displacement(q: np.ndarray) -> np.ndarray:
+        difference = pin.difference(mechanism.model, q, guess)
+        return np.asarray((difference / mechanism.column_scale)[free])
+
+    evaluations, share = found.evaluations, 1.0
+    away = displacement(found.q)
+    for _ in range(60):
+        basis, _ = null_space(found.system)
+        along = basis.T @ away
+        if np.linalg.norm(along) < 1e-9 * (1.0 + np.linalg.norm(away)) or share < 1e-3:
+            break
+        start = equations.move(found.q, share * (basis @ along))
+        nearer = descend(equations, start)
+        evaluations += nearer.evaluations
+        away_new = displacement(nearer.q)
+        if nearer.closed and np.linalg.norm(away_new) < np.linalg.norm(away):
+            found, away, share = nearer, away_new, min(1.0, 2.0 * share)
+        else:
+            share *= 0.5
+    return replace(found, evaluations=evaluations)
+
+
+def _fit(equations: Equations, start: Descent, n_points: int) -> Descent:
+    """Constrained least squares: closures and placed bodies exactly, points as near as possible."""
+    hard = replace(equations, goals=equations.goals[: len(equations.goals) - n_points])
+    found = descend(hard, start.q)
+    evaluations = start.evaluations + found.evaluations
+    if not found.closed:
+        return replace(found, evaluations=evaluations)
+    rows = found.values.size
+
+    def misfit(q: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+        values, matrix = equations.evaluate(q)
+        soft = values[rows:] / equations.row_scale[rows:]
+        return soft, matrix[rows:], float(np.linalg.norm(soft))
+
+    soft, jacobian, size = misfit(found.q)
+    share = 1.0
+    for _ in range(200):
+        basis, _ = null_space(found.system)
+        if not basis.shape[1]:
+            break
+        along = np.linalg.lstsq(jacobian @ basis, -soft, rcond=1e-9)[0]
+        if np.linalg.norm(along) < 1e-10 or share < 1e-6:
+            break
+        length = min(share, 0.5 / float(np.linalg.norm(along)))
+        nearer = descend(hard, equations.move(found.q, length * (basis @ along)))
+        evaluations += nearer.evaluations
+        soft_new, jacobian_new, size_new = misfit(nearer.q)
+        if nearer.closed and size_new < size:
+            found, soft, jacobian, size = nearer, soft_new, jacobian_new, size_new
+            share = min(1.0, 2.0 * share)
+        else:
+            share *= 0.5
+    return replace(found, evaluations=evaluations)
+
+
+def _report(equations: Equations, found: Descent, points: Mapping[str, ArrayLike]) -> Solution:
+    mechanism = equations.mechanism
+    loops = found.values[: mechanism.rows]
+    beyond = beyond_limits(mechanism, found.q)
+    flipped = flipped_axes(mechanism, found.q)
+    off = [float(np.linalg.norm(mechanism.point(found.q, n) - xyz)) for n, xyz in points.items()]
+    if flipped:
+        message = f"closes only with a mirrored joint: closure {', '.join(flipped)}"
+    elif found.closed:
+        message = f"closed to {found.residual:.1e}"
+    elif loops.size and np.abs(loops).max() >= RESIDUAL_TOLERANCE:
+        message = f"does not close: {open_closure(mechanism, loops)}"
+    else:
+        extra = np.abs(found.values[mechanism.rows :]).max()
+        message = f"the placed bodies cannot be reached: off by {extra:.3g}"
+    if off and max(off) > RESIDUAL_TOLERANCE:
+        message += f"; fitted points remain off by up to {max(off):.3g} m"
+    return Solution(
+        q=found.q,
+        residual=found.residual,
+        converged=found.closed and not flipped,
+        iterations=found.evaluations,
+        message=message + limit_note(beyond),
+        beyond_limits=beyond,
+        equations=equations,
+    )

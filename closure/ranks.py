@@ -1,0 +1,61 @@
+"""Numerical rank with the evidence for it: the two singular values around the cut."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+RANK_TOLERANCE = 1e-9
+"""Singular values below this share of the largest count as zero. Matrices are scaled first."""
+
+
+@dataclass(frozen=True)
+class Rank:
+    """A rank decision.
+
+    Attributes
+    ----------
+    value : int
+    above, below : float
+        Smallest singular value that counts and largest that does not (0 where there is none).
+    """
+
+    value: int
+    above: float
+    below: float
+
+    @property
+    def gap(self) -> float:
+        """Ratio ``above / below``; infinite for an exact zero or full rank."""
+        return self.above / self.below if self.below > 0.0 else float("inf")
+
+    def __str__(self) -> str:
+        """Rank and the two singular values around the cut."""
+        return f"rank {self.value} (singular values {self.above:.3g} | {self.below:.3g})"
+
+
+def rank_of_singular_values(s: np.ndarray, tolerance: float = RANK_TOLERANCE) -> Rank:
+    """Rank decision from singular values ``s`` in falling order, relative to the largest."""
+    if s.size == 0 or s[0] == 0.0:
+        return Rank(0, 0.0, 0.0)
+    value = int(np.count_nonzero(s > tolerance * s[0]))
+    below = float(s[value]) if value < s.size else 0.0
+    return Rank(value, float(s[value - 1]), below)
+
+
+def numerical_rank(matrix: np.ndarray, tolerance: float = RANK_TOLERANCE) -> Rank:
+    """Rank of a dimensionless matrix (rows, columns), relative to its largest singular value."""
+    if 0 in matrix.shape:
+        return Rank(0, 0.0, 0.0)
+    return rank_of_singular_values(np.linalg.svd(matrix, compute_uv=False), tolerance)
+
+
+def null_space(matrix: np.ndarray, tolerance: float = RANK_TOLERANCE) -> tuple[np.ndarray, Rank]:
+    """Orthonormal null space (columns, k) of a dimensionless matrix, and the rank decision."""
+    columns = matrix.shape[1]
+    if matrix.shape[0] == 0:
+        return np.eye(columns), Rank(0, 0.0, 0.0)
+    _, s, vt = np.linalg.svd(matrix, full_matrices=True)
+    rank = rank_of_singular_values(s, tolerance)
+    return np.ascontiguousarray(vt[rank.value :].T), rank

@@ -1,0 +1,172 @@
+"""Pinocchio's scratch space for one mechanism in one thread, guarded against its crashes.
+
+Pinocchio segfaults on joint ids out of range, so ids are checked before any anchor is made; its
+constraint data hold results of the last call, so one workspace must not be shared by threads.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from closedchain.closure.kinds import Closure, Coupling
+from closedchain.closure.rows import (
+    axis_drift,
+    axis_residual,
+    axis_rows,
+    axis_senses,
+    coupling_residual,
+    fixed_drift,
+)
+from closedchain.urdf.errors import ClosureError
+
+
+class Workspace:
+    """Data, anchors and row layout of a mechanism; owns every array that Pinocchio writes."""
+
+    def __init__(self, model: pin.Model, closures: Sequence[Closure | Coupling]) -> None:
+        """Create the data and the anchor models.
+
+        Raises
+        ------
+        ClosureError
+            A closure names a joint that the model does not have.
+        """
+        self.model = model
+        self.data = model.createData()
+        self.rows = sum(closure.rows for closure in closures)
+        self.zero_v = np.zeros(model.nv)
+        self.points: list[tuple[slice, pin.PointAnchorConstraintModel, Any]] = []
+        self.frames: list[tuple[slice, pin.FrameAnchorConstraintModel, Any]] = []
+        self.axes: list[tuple[slice, Closure]] = []
+        self.couplings: list[tuple[slice, Coupling]] = []
+        start = 0
+        for closure in closures:
+            where = slice(start, start + closure.rows)
+            start += closure.rows
+            if isinstance(closure, Coupling):
+                self.couplings.append((where, closure))
+                continue
+            self._check_joints(closure)
+            if closure.kind == "spherical":
+                anchor = _anchor(pin.PointAnchorConstraintModel, model, closure)
+                self.points.append((where, anchor, anchor.createData()))
+            elif closure.kind == "fixed":
+                anchor = _anchor(pin.FrameAnchorConstraintModel, model, closure)
+                self.frames.append((where, anchor, anchor.createData()))
+            else:
+                self.axes.append((where, closure))
+        self.point_models = pin.StdVec_ConstraintModel()
+        self.point_data = pin.StdVec_ConstraintData()
+        for _, anchor, _ in self.points:
+            self.point_models.append(pin.ConstraintModel(anchor))
+        for wrapped in self.point_models:
+            self.point_data.append(wrapped.createData())
+        # the extracted views cost less per call than the wrappers they look into
+        self.point_views = [
+            (where, model_.extract(), data_.extract())
+            for (where, _, _), model_, data_ in zip(
+                self.points, self.point_models, self.point_data, strict=True
+            )
+        ]
+        self.point_rows = _as_index(
+            np.concatenate(
+                [np.arange(0), *(np.arange(where.start, where.stop) for where, _, _ in self.points)]
+            ).astype(int)
+        )
+
+    def _check_joints(self, closure: Closure) -> None:
+        for joint in (closure.joint1, closure.joint2):
+            if not 0 <= joint < self.model.njoints:
+                raise ClosureError(
+                    f"closure {closure.describe()} names joint id {joint}; "
+                    f"the model has joints 0 to {self.model.njoints - 1}"
+                )
+
+    # -- position level --------------------------------------------------------------------------
+
+    def residual(self, q: np.ndarray) -> np.ndarray:
+        """Closure residual (rows,) at ``q`` (nq,), unchecked."""
+        model, data = self.model, self.data
+        pin.forwardKinematics(model, data, q)
+        out = np.empty(self.rows)
+        self._point_residuals(out)
+        for where, anchor, anchor_data in self.frames:
+            anchor.calc(model, data, anchor_data)
+            out[where] = anchor_data.constraint_position_error
+        for where, closure in self.axes:
+            out[where] = axis_residual(data, closure)
+        for where, coupling in self.couplings:
+            out[where] = coupling_residual(q, coupling)
+        return out
+
+    def evaluate(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Residual (rows,) and its exact Jacobian (rows, nv) at ``q`` (nq,), unchecked."""
+        model, data = self.model, self.data
+        pin.computeJointJacobians(model, data, q)
+        out = np.empty(self.rows)
+        self._point_residuals(out)
+        if len(self.point_views) == self.rows // 3 and self.rows and self.rows % 3 == 0:
+            return out, pin.getConstraintsJacobian(model, data, self.point_models, self.point_data)
+        jacobian = np.zeros((self.rows, model.nv))
+        if self.point_views:
+            jacobian[self.point_rows] = pin.getConstraintsJacobian(
+                model, data, self.point_models, self.point_data
+            )
+        for where, anchor, anchor_data in self.frames:
+            anchor.calc(model, data, anchor_data)
+            out[where] = anchor_data.constraint_position_error
+            gap = anchor_data.c1Mc2
+            # the anchor's Jacobian is a relative twist in frame 1; the residual is log6(gap)
+            to_log = pin.Jlog6(gap) @ gap.inverse().action
+            jacobian[where] = to_log @ anchor.jacobian(model, data, anchor_data)
+        for where, closure in self.axes:
+            out[where], jacobian[where] = axis_rows(model, data, closure)
+        for where, coupling in self.couplings:
+            out[where] = coupling_residual(q, coupling)
+            jacobian[where, coupling.follower_v] += 1.0
+            jacobian[where, coupling.leader_v] -= coupling.ratio
+        return out, jacobian
+
+    def _point_residuals(self, out: np.ndarray) -> None:
+        for where, anchor, anchor_data in self.point_views:
+            anchor.calc(self.model, self.data, anchor_data)
+            out[where] = anchor_data.constraint_position_error
+
+    # -- second order ----------------------------------------------------------------------------
+
+    def drift(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """Kdot v (rows,): second time derivative of the residual at zero acceleration."""
+        model, data = self.model, self.data
+        pin.forwardKinematics(model, data, q, v, self.zero_v)
+        pin.computeJointJacobians(model, data, q)
+        out = np.zeros(self.rows)
+        for where, anchor, anchor_data in self.point_views:
+            anchor.calc(model, data, anchor_data)
+            out[where] = anchor_data.constraint_acceleration_error
+        for where, anchor, anchor_data in self.frames:
+            anchor.calc(model, data, anchor_data)
+            out[where] = fixed_drift(model, data, anchor, anchor_data, v)
+        for where, closure in self.axes:
+            out[where] = axis_drift(model, data, closure)
+        return out
+
+    def flipped(self, q: np.ndarray) -> list[str]:
+        """Closures whose axes are opposed at ``q``: closed rows, yet the joint is mirrored."""
+        pin.forwardKinematics(self.model, self.data, q)
+        closures = [closure for _, closure in self.axes]
+        return [c.describe() for c in closures if min(axis_senses(self.data, c)) < 0.0]
+
+
+def _as_index(rows: np.ndarray) -> np.ndarray | slice:
+    """Return the rows as a slice where they are contiguous: assignment then makes no copy."""
+    if rows.size and np.array_equal(rows, np.arange(rows[0], rows[0] + rows.size)):
+        return slice(int(rows[0]), int(rows[0]) + rows.size)
+    return rows
+
+
+def _anchor(kind: type, model: pin.Model, closure: Closure) -> Any:
+    return kind(model, closure.joint1, closure.placement1, closure.joint2, closure.placement2)

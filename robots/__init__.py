@@ -1,0 +1,8 @@
+"""The catalogue of robots: how to load them, their variants, their papers' closed forms."""
+
+if __name__ != "closedchain.robots":
+    raise ImportError("import closedchain.robots, not robots: two copies of a class never match")
+
+from closedchain.robots.catalogue import Robot, load, robot, robots
+
+__all__ = ["Robot", "load", "robot", "robots"]

@@ -1,0 +1,36 @@
+"""Kinematics and singularities of closed-chain (parallel) manipulators, on Pinocchio."""
+
+from closedchain.closure import (
+    Closure,
+    Mechanism,
+    Solution,
+    close,
+    constraint_drift,
+    constraint_jacobian,
+    direct,
+    inverse,
+    load_urdf,
+    residual,
+)
+from closedchain.robots import load, robots
+from closedchain.urdf.errors import ClosedChainError, ClosureError, DescriptionError
+
+__version__ = "0.1.0"
+
+__all__ = [
+    "ClosedChainError",
+    "Closure",
+    "ClosureError",
+    "DescriptionError",
+    "Mechanism",
+    "Solution",
+    "close",
+    "constraint_drift",
+    "constraint_jacobian",
+    "direct",
+    "inverse",
+    "load",
+    "load_urdf",
+    "residual",
+    "robots",
+]

@@ -1,0 +1,53 @@
+"""Shared fixtures and the one table of tolerances."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import closedchain as cc
+
+
+@dataclass(frozen=True)
+class Tolerances:
+    """What counts as equal, and why."""
+
+    closure: float = 1e-12  # residual of a converged posture [m, rad]
+    reference: float = 1e-9  # poses and points against the reference files [m, rad]
+    finite_difference: float = 1e-7  # Jacobians against central differences, relative
+    algebra: float = 1e-10  # two exact ways to the same number, relative
+    singular: float = 1e-8  # scaled singular value that counts as zero
+
+
+@pytest.fixture(scope="session")
+def tol() -> Tolerances:
+    return Tolerances()
+
+
+@pytest.fixture(scope="session")
+def d1() -> cc.Mechanism:
+    return cc.load("d1")
+
+
+@pytest.fixture(scope="session")
+def reference() -> Callable[[str], dict[str, Any]]:
+    def read(name: str) -> dict[str, Any]:
+        path = Path(__file__).parent / "reference" / f"{name}.json"
+        return json.loads(path.read_text())
+
+    return read
+
+
+def assert_close(actual: Any, expected: Any, atol: float, what: str = "") -> None:
+    """Equal within ``atol`` everywhere, of equal shape, and finite."""
+    actual, expected = np.asarray(actual, dtype=float), np.asarray(expected, dtype=float)
+    assert actual.shape == expected.shape, f"{what}: shapes {actual.shape} and {expected.shape}"
+    assert np.isfinite(actual).all(), f"{what}: not finite: {actual}"
+    worst = float(np.abs(actual - expected).max(initial=0.0))
+    assert worst <= atol, f"{what}: off by {worst:.3g}, allowed {atol:.3g}"

@@ -1,0 +1,180 @@
+"""Checks that need the whole description: names, the spanning tree, the ends of the closures."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Protocol
+
+from closedchain.urdf.description import Coupling, Input, Joint, Link, LoopClosure
+from closedchain.urdf.errors import DescriptionError, known_names
+
+
+class _Named(Protocol):
+    @property
+    def name(self) -> str: ...
+    @property
+    def line(self) -> int | None: ...
+
+
+def refuse_duplicates(things: Iterable[_Named], element: str) -> None:
+    """Refuse two things of one kind with the same name."""
+    first: dict[str, int | None] = {}
+    for thing in things:
+        if thing.name in first:
+            raise DescriptionError(
+                f"the name is used twice (first at line {first[thing.name]}); names of one kind "
+                "must differ",
+                line=thing.line,
+                element=element,
+                name=thing.name,
+            )
+        first[thing.name] = thing.line
+
+
+def root_of(robot: str, line: int | None, links: Sequence[Link], joints: Sequence[Joint]) -> str:
+    """Name of the only root of the tree; every link must hang on it.
+
+    Raises
+    ------
+    DescriptionError
+        Unknown links, a link with two parents, no root, several roots, links in a cycle.
+    """
+    if not links:
+        raise DescriptionError("there is no <link>", line=line, element="robot", name=robot)
+    names = [link.name for link in links]
+    lines = {link.name: link.line for link in links}
+    parents: dict[str, Joint] = {}
+    for joint in joints:
+        for side, wanted in (("parent", joint.parent), ("child", joint.child)):
+            if wanted not in lines:
+                message = f"{side}: {known_names(wanted, 'link', names)}"
+                raise DescriptionError(message, line=joint.line, element="joint", name=joint.name)
+        if joint.child in parents:
+            raise DescriptionError(
+                f"the link {joint.child!r} has two parents: it is the child of the joints "
+                f"{parents[joint.child].name!r} and {joint.name!r}; cut one of the joints and "
+                "write it as <constraint>",
+                line=joint.line,
+                element="joint",
+                name=joint.name,
+            )
+        parents[joint.child] = joint
+    roots = [name for name in names if name not in parents]
+    if not roots:
+        raise DescriptionError(
+            "there is no root: every link is the child of some joint; cut a joint of the cycle "
+            "and write it as <constraint>",
+            line=line,
+            element="robot",
+            name=robot,
+        )
+    if len(roots) > 1:
+        raise DescriptionError(
+            f"there are {len(roots)} roots: {', '.join(roots)}; all links but one must be the "
+            "child of a joint (a platform that only constraints hold hangs on a floating joint)",
+            line=lines[roots[1]],
+            element="link",
+            name=roots[1],
+        )
+    _refuse_cycles(roots[0], names, lines, joints)
+    return roots[0]
+
+
+def _refuse_cycles(
+    root: str, names: Sequence[str], lines: Mapping[str, int | None], joints: Sequence[Joint]
+) -> None:
+    children: dict[str, list[str]] = {}
+    for joint in joints:
+        children.setdefault(joint.parent, []).append(joint.child)
+    reached: set[str] = set()
+    waiting = [root]
+    while waiting:
+        link = waiting.pop()
+        reached.add(link)
+        waiting += children.get(link, [])
+    lost = [name for name in names if name not in reached]
+    if lost:
+        raise DescriptionError(
+            f"the links {', '.join(lost)} form a cycle apart from the root {root!r}; cut a joint "
+            "of the cycle and write it as <constraint>",
+            line=lines[lost[0]],
+            element="link",
+            name=lost[0],
+        )
+
+
+def check_closures(
+    closures: Sequence[LoopClosure], links: Sequence[Link], joints: Sequence[Joint]
+) -> None:
+    """Refuse closures whose ends are unknown or cannot move against each other."""
+    names = [link.name for link in links]
+    body = dict(zip(names, names, strict=True))  # link -> a link of the same rigid body
+
+    def find(link: str) -> str:
+        while body[link] != link:
+            body[link] = body[body[link]]
+            link = body[link]
+        return link
+
+    for joint in joints:
+        if joint.type == "fixed":
+            body[find(joint.child)] = find(joint.parent)
+    for closure in closures:
+        for side, wanted in (("parent", closure.parent), ("child", closure.child)):
+            if wanted not in body:
+                raise _at(closure, f"{side}: {known_names(wanted, 'link', names)}")
+        if closure.parent == closure.child:
+            raise _at(closure, f"it connects the link {closure.child!r} with itself")
+        if find(closure.parent) == find(closure.child):
+            raise _at(
+                closure,
+                f"the links {closure.parent!r} and {closure.child!r} are rigidly connected: only "
+                "fixed joints lie between them",
+            )
+
+
+def _at(closure: LoopClosure, message: str) -> DescriptionError:
+    return DescriptionError(message, line=closure.line, element="constraint", name=closure.name)
+
+
+def check_couplings(
+    couplings: Sequence[Coupling], joints: Mapping[str, Joint], one_dof: Sequence[str]
+) -> None:
+    """Refuse leaders that do not exist or have no single value, and followers in a circle."""
+    leaders = {coupling.joint: coupling.leader for coupling in couplings}
+    for coupling in couplings:
+        problem = ""
+        if coupling.leader not in joints:
+            problem = known_names(coupling.leader, "joint", joints)
+        elif coupling.leader == coupling.joint:
+            problem = "the joint follows itself"
+        elif joints[coupling.leader].type not in one_dof:
+            kind = joints[coupling.leader].type
+            problem = (
+                f"the leader {coupling.leader!r} is {kind}; a leader is one of: "
+                f"{', '.join(one_dof)}"
+            )
+        else:
+            chain = [coupling.joint]
+            while chain[-1] in leaders and chain.count(chain[-1]) == 1:
+                chain.append(leaders[chain[-1]])
+            if chain.count(chain[-1]) > 1:
+                problem = f"joints follow each other in a circle: {' -> '.join(chain)}"
+        if problem:
+            raise DescriptionError(
+                f"<mimic>: {problem}", line=coupling.line, element="joint", name=coupling.joint
+            )
+
+
+def refuse_shared_joints(inputs: Sequence[Input]) -> None:
+    """Refuse two inputs that drive the same joint."""
+    first: dict[str, str] = {}
+    for item in inputs:
+        if item.joint in first:
+            raise DescriptionError(
+                f"the joint {item.joint!r} is already driven by the input {first[item.joint]!r}",
+                line=item.line,
+                element="transmission",
+                name=item.name,
+            )
+        first[item.joint] = item.name

@@ -1,0 +1,128 @@
+"""Readers of the elements that say what the joints and links are for.
+
+``<transmission>`` (inputs), ``<task>``, ``<group_state name="home">`` and ``<remark>``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+from closedchain.urdf import _xml
+from closedchain.urdf._bodies import ONE_DOF
+from closedchain.urdf.description import OUTPUTS, Input, Joint, Remark, Task
+from closedchain.urdf.errors import known_names
+
+if TYPE_CHECKING:
+    from lxml.etree import _Element as Element
+
+_BEYOND = 1e-9  # how far a home value may lie outside the limits, from rounding
+_UNIT = 1e-6  # how far the length of a quaternion may be from one
+
+
+def read_input(
+    element: Element, joints: Mapping[str, Joint], followers: Mapping[str, str]
+) -> Input:
+    """Read one ``<transmission>``.
+
+    Parameters
+    ----------
+    joints : mapping name -> Joint
+    followers : mapping name of a mimic joint -> name of its leader
+    """
+    _xml.allow(element, ("name", "type"), ("joint",))
+    name = _xml.text(element, "name")
+    reference = _xml.required_child(element, "joint")
+    _xml.allow(reference, ("name",))
+    joint = _known_joint(reference, joints)
+    if joint.type not in ONE_DOF:
+        raise _xml.error(
+            element,
+            f"the joint {joint.name!r} is {joint.type}; an input is one of: {', '.join(ONE_DOF)}",
+        )
+    if joint.name in followers:
+        raise _xml.error(
+            element,
+            f"the joint {joint.name!r} follows {followers[joint.name]!r} (mimic); an input must "
+            "be free to move",
+        )
+    return Input(name=name, joint=joint.name, line=element.sourceline)
+
+
+def _known_joint(reference: Element, joints: Mapping[str, Joint]) -> Joint:
+    wanted = _xml.text(reference, "name")
+    if wanted not in joints:
+        raise _xml.error(reference, known_names(wanted, "joint", joints))
+    return joints[wanted]
+
+
+def read_task(element: Element, links: Sequence[str]) -> Task:
+    """Read the ``<task>``."""
+    _xml.allow(element, ("base", "tip", "outputs", "length"))
+    ends = [_xml.text(element, side) for side in ("base", "tip")]
+    for wanted in ends:
+        if wanted not in links:
+            raise _xml.error(element, known_names(wanted, "link", links))
+    if ends[0] == ends[1]:
+        raise _xml.error(element, f"base and tip are the same link {ends[0]!r}")
+    if element.get("outputs") is None:
+        raise _xml.error(element, f"the attribute outputs is missing; some of: {_all_outputs()}")
+    outputs = tuple(element.get("outputs").split())
+    if not outputs:
+        raise _xml.error(element, f"outputs is empty; some of: {_all_outputs()}")
+    for output in outputs:
+        if output not in OUTPUTS:
+            raise _xml.error(element, known_names(output, "output", OUTPUTS))
+        if outputs.count(output) > 1:
+            raise _xml.error(element, f"the output {output!r} appears twice")
+    length = None if element.get("length") is None else _xml.positive(element, "length")
+    return Task(ends[0], ends[1], outputs, length, line=element.sourceline)
+
+
+def _all_outputs() -> str:
+    return " ".join(OUTPUTS)
+
+
+def read_home(element: Element, joints: Mapping[str, Joint]) -> dict[str, tuple[float, ...]]:
+    """Read ``<group_state name="home">``: values of the joints listed, quaternions normalised."""
+    _xml.allow(element, ("name", "group"), ("joint",))
+    home: dict[str, tuple[float, ...]] = {}
+    for reference in element:
+        _xml.allow(reference, ("name", "value"))
+        joint = _known_joint(reference, joints)
+        if joint.name in home:
+            raise _xml.error(reference, "the joint is listed twice")
+        home[joint.name] = _home_value(reference, joint)
+    return home
+
+
+def _home_value(reference: Element, joint: Joint) -> tuple[float, ...]:
+    if joint.type == "fixed":
+        raise _xml.error(reference, "a fixed joint has no value; remove it here")
+    if joint.type == "floating":
+        values = _xml.numbers(reference, "value", (7,))
+        length = math.hypot(*values[3:])
+        if abs(length - 1.0) > _UNIT:
+            raise _xml.error(
+                reference,
+                f"the quaternion qx qy qz qw has length {length:g}; it must be 1 within {_UNIT:g}",
+            )
+        return (*values[:3], *(value / length for value in values[3:]))
+    (value,) = _xml.numbers(reference, "value", (1,))
+    if not joint.lower - _BEYOND <= value <= joint.upper + _BEYOND:
+        raise _xml.error(
+            reference,
+            f"value={value:g} is outside the limits [{joint.lower:g}, {joint.upper:g}]",
+        )
+    return (value,)
+
+
+def read_remark(element: Element) -> Remark:
+    """Read one ``<remark>``; runs of blanks and line ends become one blank."""
+    _xml.allow(element, ("about", "source"))
+    about = _xml.text(element, "about")
+    words = " ".join((element.text or "").split())
+    if not words:
+        raise _xml.error(element, f"the remark about {about!r} is empty; write a sentence in it")
+    return Remark(about=about, text=words, source=" ".join(element.get("source", "").split()))

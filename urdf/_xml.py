@@ -1,0 +1,167 @@
+"""Checked access to XML elements: every refusal says line, element, name and what is accepted."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+from closedchain.urdf._parameters import NUMBER
+from closedchain.urdf.description import Origin, Vector3
+from closedchain.urdf.errors import DescriptionError, known_names
+
+if TYPE_CHECKING:
+    from lxml.etree import _Element as Element
+
+_HINTS = {"quat_xyzw": "; write the rotation as rpy (fixed-axis roll, pitch, yaw in radians)"}
+
+
+def error(element: Element, message: str, line: int | None = None) -> DescriptionError:
+    """Error at ``element``; named after the nearest enclosing element that has a name.
+
+    ``<limit>`` has no name of its own, so an error in it is reported for its joint.
+    ``line`` is given where the element's own line would mislead.
+    """
+    owner = element
+    while not owner.get("name") and owner.getparent() is not None:
+        if owner.getparent().getparent() is None:
+            break  # an element right under the root speaks for itself
+        owner = owner.getparent()
+    prefix = "" if owner is element else f"<{element.tag}>: "
+    return DescriptionError(
+        prefix + message,
+        line=line or element.sourceline,
+        element=owner.tag,
+        name=owner.get("name"),
+    )
+
+
+def allow(element: Element, attributes: Iterable[str], children: Iterable[str] = ()) -> None:
+    """Refuse attributes and child elements of other names than these."""
+    attributes, children = tuple(attributes), tuple(children)
+    for key in element.keys():  # noqa: SIM118 (an element iterates over its children)
+        if key not in attributes:
+            hint = _HINTS.get(key, "")
+            raise error(element, known_names(key, "attribute", attributes) + hint)
+    for child in element:
+        if child.tag not in children:
+            unknown = known_names(child.tag, "element", children)
+            raise error(child, f"in <{element.tag}>, {unknown}")
+
+
+def only_child(element: Element, tag: str) -> Element | None:
+    """The child of that tag, or None.
+
+    Raises
+    ------
+    DescriptionError
+        More than one.
+    """
+    found = element.findall(tag)
+    if len(found) > 1:
+        raise error(found[1], f"only one <{tag}> is allowed here")
+    return found[0] if found else None
+
+
+def required_child(element: Element, tag: str) -> Element:
+    """The child of that tag; it must be there, once."""
+    found = only_child(element, tag)
+    if found is None:
+        raise error(element, f"the element <{tag}> is missing")
+    return found
+
+
+def text(element: Element, attribute: str) -> str:
+    """A required attribute that is not blank and has no blanks around it."""
+    value = element.get(attribute)
+    if value is None:
+        raise error(element, f"the attribute {attribute} is missing")
+    if not value.strip():
+        raise error(element, f"the attribute {attribute} is empty")
+    if value != value.strip():
+        raise error(element, f"{attribute}={value!r} has blanks around it; remove them")
+    return str(value)
+
+
+def numbers(element: Element, attribute: str, counts: Iterable[int]) -> tuple[float, ...]:
+    """A required attribute that holds finite numbers, as many as one of ``counts`` says."""
+    raw = element.get(attribute)
+    if raw is None:
+        raise error(element, f"the attribute {attribute} is missing")
+    words = raw.split()
+    values = []
+    for word in words:
+        if not NUMBER.fullmatch(word) or not math.isfinite(value := float(word)):
+            raise error(element, f"{attribute}={raw!r}: {_why_no_number(word)}")
+        values.append(value)
+    counts = tuple(counts)
+    if len(values) not in counts:
+        wanted = " or ".join(map(str, counts))
+        plural = "number" if counts == (1,) else "numbers"
+        raise error(element, f"{attribute}={raw!r} has {len(values)} numbers; expected {wanted} "
+                             f"{plural}, separated by blanks")  # fmt: skip
+    return tuple(values)
+
+
+def _why_no_number(word: str) -> str:
+    shown = repr(word if len(word) < 60 else word[:60] + "...")
+    if word.lower().lstrip("+-") in ("nan", "inf", "infinity") or NUMBER.fullmatch(word):
+        return f"{shown} is not finite"
+    if "$" in word:
+        return f"{shown} is not a number; was the file not run through xacro?"
+    if "," in word:
+        return f"{shown} is not a number; write a decimal point, and blanks between numbers"
+    return f"{shown} is not a number"
+
+
+def number(element: Element, attribute: str, default: float | None = None) -> float:
+    """A finite number; required when there is no default."""
+    if default is not None and element.get(attribute) is None:
+        return default
+    return numbers(element, attribute, (1,))[0]
+
+
+def positive(element: Element, attribute: str) -> float:
+    """A required finite number greater than zero."""
+    value = number(element, attribute)
+    if value <= 0.0:
+        raise error(element, f"{attribute}={value:g} must be greater than zero")
+    return value
+
+
+def vector(element: Element, attribute: str, default: Vector3 | None = None) -> Vector3:
+    """Three finite numbers; required when there is no default."""
+    if default is not None and element.get(attribute) is None:
+        return default
+    x, y, z = numbers(element, attribute, (3,))
+    return x, y, z
+
+
+def origin(element: Element | None) -> Origin:
+    """Pose written as ``xyz`` [m] and ``rpy`` [rad]; identity where nothing is written."""
+    if element is None:
+        return Origin()
+    allow(element, ("xyz", "rpy"))
+    zero = (0.0, 0.0, 0.0)
+    return Origin(vector(element, "xyz", zero), vector(element, "rpy", zero))
+
+
+def unit_vector(element: Element, attribute: str = "xyz") -> Vector3:
+    """Direction of length one.
+
+    Raises
+    ------
+    DescriptionError
+        A vector of zero length, or one too short or long to give a direction.
+    """
+    allow(element, (attribute,))
+    x, y, z = vector(element, attribute)
+    length = math.hypot(x, y, z)
+    if length < 1e-12:
+        raise error(element, f"{attribute}={element.get(attribute)!r} has zero length; an axis "
+                             "needs a direction")  # fmt: skip
+    if not math.isfinite(length):
+        raise error(element, f"{attribute}={element.get(attribute)!r} is too long for an axis")
+    if abs(length - 1.0) < 1e-15:  # dividing again would change the last digit of what we wrote
+        return x, y, z
+    return x / length, y / length, z / length

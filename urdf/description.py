@@ -1,0 +1,200 @@
+"""A mechanism as plain data: what a closed-chain URDF says, checked, without any kinematics.
+
+SI units throughout: metres, radians. Origins follow URDF: translation, then fixed-axis
+roll-pitch-yaw (R = Rz(yaw) Ry(pitch) Rx(roll)).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Literal
+
+Vector3 = tuple[float, float, float]
+ParameterValue = str | float | int | bool
+
+JointType = Literal["revolute", "continuous", "prismatic", "floating", "fixed"]
+JOINT_TYPES: tuple[JointType, ...] = ("revolute", "continuous", "prismatic", "floating", "fixed")
+
+ClosureType = Literal[
+    "fixed", "revolute", "prismatic", "cylindrical", "universal", "spherical", "planar"
+]
+CLOSURE_TYPES: tuple[ClosureType, ...] = (
+    "fixed",
+    "revolute",
+    "prismatic",
+    "cylindrical",
+    "universal",
+    "spherical",
+    "planar",
+)
+
+OUTPUTS: tuple[str, ...] = ("x", "y", "z", "rx", "ry", "rz")
+
+
+@dataclass(frozen=True)
+class Origin:
+    """Pose of a child frame in its parent frame: ``xyz`` [m], ``rpy`` [rad]."""
+
+    xyz: Vector3 = (0.0, 0.0, 0.0)
+    rpy: Vector3 = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Inertial:
+    """Mass [kg] and inertia [kg m^2] about the centre of mass, in the axes of ``origin``."""
+
+    origin: Origin
+    mass: float
+    ixx: float
+    ixy: float
+    ixz: float
+    iyy: float
+    iyz: float
+    izz: float
+
+
+@dataclass(frozen=True)
+class Link:
+    """A body, or a named point of a body when it hangs on a fixed joint."""
+
+    name: str
+    inertial: Inertial | None = None
+    visuals: int = 0
+    line: int | None = None
+
+
+@dataclass(frozen=True)
+class Joint:
+    """A joint of the spanning tree. ``axis`` is a unit vector in the joint frame."""
+
+    name: str
+    type: JointType
+    parent: str
+    child: str
+    origin: Origin = Origin()
+    axis: Vector3 = (1.0, 0.0, 0.0)
+    lower: float = float("-inf")
+    upper: float = float("inf")
+    line: int | None = None
+
+
+@dataclass(frozen=True)
+class Coupling:
+    """URDF ``<mimic>``: value of ``joint`` = multiplier * value of ``leader`` + offset."""
+
+    joint: str
+    leader: str
+    multiplier: float = 1.0
+    offset: float = 0.0
+    line: int | None = None
+
+
+@dataclass(frozen=True)
+class LoopClosure:
+    """A cut joint: it leaves free between the two links what a joint of ``type`` leaves free.
+
+    Axes are unit vectors in the frames of the two origins.
+    """
+
+    name: str
+    type: ClosureType
+    parent: str
+    child: str
+    parent_origin: Origin = Origin()
+    child_origin: Origin = Origin()
+    parent_axis: Vector3 = (0.0, 0.0, 1.0)
+    child_axis: Vector3 = (0.0, 0.0, 1.0)
+    line: int | None = None
+
+
+@dataclass(frozen=True)
+class Input:
+    """An actuated joint; ``name`` is the paper's symbol."""
+
+    name: str
+    joint: str
+    line: int | None = None
+
+
+@dataclass(frozen=True)
+class Task:
+    """What the mechanism is for: motion of link ``tip`` against link ``base``.
+
+    ``outputs`` are some of x y z (translation of the tip's origin) and rx ry rz (rotation).
+    ``length`` [m] is the characteristic length that makes lengths dimensionless, if stated.
+    """
+
+    base: str
+    tip: str
+    outputs: tuple[str, ...]
+    length: float | None = None
+    line: int | None = None
+
+
+@dataclass(frozen=True)
+class Remark:
+    """A sentence of the description that reports repeat: a published claim and its verdict."""
+
+    about: str
+    text: str
+    source: str = ""
+
+
+@dataclass(frozen=True)
+class Description:
+    """Everything that a closed-chain URDF says.
+
+    Attributes
+    ----------
+    home : mapping joint name -> values
+        The ``<group_state name="home">``: one value for a revolute or prismatic joint, seven
+        (x y z qx qy qz qw) for a floating one. Joints not listed are at zero.
+    ignored : tuple of str
+        Elements that were read over on purpose (``<gazebo>`` and the like), one note each.
+    parameters : mapping
+        xacro arguments and the values in force.
+    text : str
+        The expanded URDF, without xacro; line numbers in errors refer to it.
+    """
+
+    name: str
+    root: str
+    links: tuple[Link, ...]
+    joints: tuple[Joint, ...]
+    closures: tuple[LoopClosure, ...] = ()
+    couplings: tuple[Coupling, ...] = ()
+    inputs: tuple[Input, ...] = ()
+    task: Task | None = None
+    home: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+    remarks: tuple[Remark, ...] = ()
+    ignored: tuple[str, ...] = ()
+    parameters: Mapping[str, ParameterValue] = field(default_factory=dict)
+    text: str = field(default="", repr=False)
+
+    def __post_init__(self) -> None:
+        """Write-protect the mappings."""
+        object.__setattr__(self, "home", MappingProxyType(dict(self.home)))
+        object.__setattr__(self, "parameters", MappingProxyType(dict(self.parameters)))
+
+    def __reduce__(self) -> tuple[object, ...]:
+        """Pickle by value: a read-only mapping does not pickle by itself."""
+        return (
+            Description,
+            (
+                self.name,
+                self.root,
+                self.links,
+                self.joints,
+                self.closures,
+                self.couplings,
+                self.inputs,
+                self.task,
+                dict(self.home),
+                self.remarks,
+                self.ignored,
+                dict(self.parameters),
+                self.text,
+            ),
+        )

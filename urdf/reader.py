@@ -1,0 +1,165 @@
+"""From URDF text to a checked `Description`.
+
+Nothing is dropped silently: what belongs to other programs is noted in ``Description.ignored``,
+what is wrong or unknown is refused with its line, element and name.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+from lxml import etree
+
+from closedchain.urdf import _xml
+from closedchain.urdf._bodies import ONE_DOF, read_joint, read_link
+from closedchain.urdf._checks import (
+    check_closures,
+    check_couplings,
+    refuse_duplicates,
+    refuse_shared_joints,
+    root_of,
+)
+from closedchain.urdf._foreign import set_aside
+from closedchain.urdf._roles import read_home, read_input, read_remark, read_task
+from closedchain.urdf._scan import scan
+from closedchain.urdf.constraint_element import CONSTRAINT, read_constraint
+from closedchain.urdf.description import Description, Joint, ParameterValue, Task
+from closedchain.urdf.errors import DescriptionError
+from closedchain.urdf.expansion import expand
+
+if TYPE_CHECKING:
+    from lxml.etree import _Element as Element
+
+_NONE: Mapping[str, ParameterValue] = MappingProxyType({})
+_HOME = "home"
+_ROOT_ELEMENTS = ("link", "joint", CONSTRAINT, "transmission", "task", "group_state", "remark")
+
+
+def load_description(
+    source: str | os.PathLike[str],
+    parameters: Mapping[str, ParameterValue] = _NONE,
+    *,
+    xacro: bool = True,
+) -> Description:
+    """Read a closed-chain URDF or xacro file, or its text.
+
+    Parameters
+    ----------
+    source, parameters, xacro
+        As for `expand`. Line numbers in errors about the description count lines of the
+        expanded text; without xacro these are the lines of the file.
+
+    Raises
+    ------
+    DescriptionError
+        Whatever is wrong with it.
+    """
+    expansion = expand(source, parameters, xacro=xacro)
+    return read(expansion.text, parameters=expansion.parameters)
+
+
+def read(text: str, *, parameters: Mapping[str, ParameterValue] = _NONE) -> Description:
+    """Read URDF text that holds no xacro.
+
+    Parameters
+    ----------
+    text : str
+        The document.
+    parameters : mapping
+        What it was expanded with; kept in the description.
+
+    Returns
+    -------
+    Description
+        Links, joints, closures and inputs in document order.
+
+    Raises
+    ------
+    DescriptionError
+        Whatever is wrong with it.
+    """
+    root = _parse(text)
+    if etree.QName(root).localname != "robot":
+        raise DescriptionError(
+            "the root element must be <robot>", line=root.sourceline, element=str(root.tag)
+        )
+    notes = list(set_aside(root))
+    _xml.allow(root, ("name", "version"), _ROOT_ELEMENTS)
+    name = _xml.text(root, "name")
+
+    links = tuple(read_link(element) for element in root.findall("link"))
+    pairs = [read_joint(element, notes) for element in root.findall("joint")]
+    joints = tuple(joint for joint, _ in pairs)
+    couplings = tuple(coupling for _, coupling in pairs if coupling is not None)
+    closures = tuple(read_constraint(element) for element in root.findall(CONSTRAINT))
+    refuse_duplicates(links, "link")
+    refuse_duplicates(joints, "joint")
+    refuse_duplicates(closures, CONSTRAINT)
+    top = root_of(name, root.sourceline, links, joints)
+    by_name = {joint.name: joint for joint in joints}
+    check_couplings(couplings, by_name, ONE_DOF)
+    check_closures(closures, links, joints)
+
+    followers = {coupling.joint: coupling.leader for coupling in couplings}
+    inputs = tuple(read_input(e, by_name, followers) for e in root.findall("transmission"))
+    refuse_duplicates(inputs, "transmission")
+    refuse_shared_joints(inputs)
+    return Description(
+        name=name,
+        root=top,
+        links=links,
+        joints=joints,
+        closures=closures,
+        couplings=couplings,
+        inputs=inputs,
+        task=_task(root, [link.name for link in links]),
+        home=_home(root, by_name, notes),
+        remarks=tuple(read_remark(element) for element in root.findall("remark")),
+        ignored=tuple(notes),
+        parameters=parameters,
+        text=text,
+    )
+
+
+def _parse(text: str) -> Element:
+    """Parse without entities, network or DTD."""
+    if not text.strip():
+        raise DescriptionError("the text is empty")
+    scan(text)
+    parser = etree.XMLParser(
+        encoding="utf-8",
+        resolve_entities=False,
+        no_network=True,
+        load_dtd=False,
+        huge_tree=False,
+        remove_comments=True,
+    )
+    try:
+        return etree.fromstring(text.encode("utf-8"), parser)
+    except etree.XMLSyntaxError as error:
+        raise DescriptionError(f"not well-formed XML: {error.msg}", line=error.lineno) from None
+
+
+def _task(root: Element, links: list[str]) -> Task | None:
+    element = _xml.only_child(root, "task")
+    return None if element is None else read_task(element, links)
+
+
+def _home(
+    root: Element, joints: Mapping[str, Joint], notes: list[str]
+) -> dict[str, tuple[float, ...]]:
+    home: Element | None = None
+    for element in root.findall("group_state"):
+        state = _xml.text(element, "name")
+        if state != _HOME:
+            notes.append(f"line {element.sourceline}: <group_state {state!r}> was not read")
+        elif home is not None:
+            raise _xml.error(
+                element, f"there are two home postures; the first is at line {home.sourceline}"
+            )
+        else:
+            home = element
+    return {} if home is None else read_home(home, joints)
