@@ -1,5 +1,15 @@
 """Kinematics and singularities of closed-chain (parallel) manipulators, on Pinocchio."""
 
+from closedchain.analysis import (
+    Classification,
+    Mobility,
+    Redundancy,
+    Velocity,
+    classify,
+    mobility,
+    redundancy,
+    velocity,
+)
 from closedchain.closure import (
     Closure,
     Mechanism,
@@ -18,12 +28,17 @@ from closedchain.urdf.errors import ClosedChainError, ClosureError, DescriptionE
 __version__ = "0.1.0"
 
 __all__ = [
+    "Classification",
     "ClosedChainError",
     "Closure",
     "ClosureError",
     "DescriptionError",
     "Mechanism",
+    "Mobility",
+    "Redundancy",
     "Solution",
+    "Velocity",
+    "classify",
     "close",
     "constraint_drift",
     "constraint_jacobian",
@@ -31,6 +46,9 @@ __all__ = [
     "inverse",
     "load",
     "load_urdf",
+    "mobility",
+    "redundancy",
     "residual",
     "robots",
+    "velocity",
 ]

@@ -1,0 +1,22 @@
+"""What is asked of a mechanism: mobility, velocity, singularities, redundancy, maps."""
+
+if __name__ != "closedchain.analysis":
+    raise ImportError(
+        "import closedchain.analysis, not analysis: two copies of a class never match"
+    )
+
+from closedchain.analysis.mobility import Mobility, mobility
+from closedchain.analysis.redundancy import Redundancy, redundancy
+from closedchain.analysis.singularities import Classification, classify
+from closedchain.analysis.velocity import Velocity, velocity
+
+__all__ = [
+    "Classification",
+    "Mobility",
+    "Redundancy",
+    "Velocity",
+    "classify",
+    "mobility",
+    "redundancy",
+    "velocity",
+]

@@ -1,0 +1,213 @@
+"""Mobility: the Gruebler count beside the rank of the loops, which is what decides."""
+
+from __future__ import annotations
+
+import textwrap
+from collections import Counter
+from dataclasses import dataclass
+from weakref import WeakKeyDictionary
+
+import numpy as np
+import pinocchio as pin
+
+from closedchain.analysis.first_order import first_order
+from closedchain.closure.kinds import FREEDOMS
+from closedchain.closure.mechanism import Mechanism
+from closedchain.closure.nearest import close
+from closedchain.closure.ranks import Rank, numerical_rank
+from closedchain.urdf.description import Description, Joint
+
+SAMPLES = 8
+SPREAD = 0.15  # dimensionless standard deviation of the guesses around home
+_SYMBOLS = {
+    "revolute": "R",
+    "continuous": "R",
+    "prismatic": "P",
+    "universal": "U",
+    "spherical": "S",
+    "cylindrical": "C",
+    "planar": "E",
+    "fixed": "fixed",
+}
+
+
+@dataclass(frozen=True)
+class Mobility:
+    """Mobility of a mechanism.
+
+    Attributes
+    ----------
+    links : int
+        Bodies, the base included; a universal joint's cross link is no body.
+    pairs : int
+        Kinematic pairs, cut joints included; a universal or spherical joint is one pair.
+    freedoms : int
+        Sum of the freedoms of the pairs.
+    gruebler : int
+        6 (links - pairs - 1) + freedoms, less one for every coupling.
+    generic_rank : int
+        Rank r of the constraint Jacobian on random closed postures.
+    mobility : int
+        nv - r: what the mechanism can really do at a generic posture.
+    redundant_rows : int
+        Closure rows beyond the rank; consistent, since the postures close.
+    rank : Rank
+        The decision with its gap, at the posture where the gap was smallest.
+    pair_counts : mapping of symbol to count
+    """
+
+    links: int
+    pairs: int
+    freedoms: int
+    gruebler: int
+    generic_rank: int
+    mobility: int
+    redundant_rows: int
+    rank: Rank
+    pair_counts: dict[str, int]
+    text: str
+
+
+@dataclass(frozen=True)
+class _Generic:
+    rank: Rank
+    at_home: int
+    samples: int
+
+
+_GENERIC: WeakKeyDictionary[Mechanism, _Generic] = WeakKeyDictionary()
+
+
+def mobility(mechanism: Mechanism) -> Mobility:
+    """Count links and pairs, find the generic rank, and say what they mean.
+
+    Gruebler's (Kutzbach's) count F = 6 (n - j - 1) + sum f_i [Gallardo-Alvarado 2010, eq. (1)]
+    knows only numbers; the mobility is nv - rank K on the set of closed postures. Virtual
+    chains (floating joints) have six freedoms and add nothing to either.
+    """
+    counts, cross_links = _pairs(mechanism.description)
+    bodies = _bodies(mechanism.description) - cross_links
+    pairs = sum(counts.values())
+    freedoms = sum(_freedoms(symbol) * n for symbol, n in counts.items())
+    couplings = len(mechanism.description.couplings)
+    gruebler = 6 * (bodies - pairs - 1) + freedoms - couplings
+    generic = _generic(mechanism)
+    rank = generic.rank
+    degrees = mechanism.model.nv - rank.value
+    redundant = mechanism.rows - rank.value
+    return Mobility(
+        links=bodies,
+        pairs=pairs,
+        freedoms=freedoms,
+        gruebler=gruebler,
+        generic_rank=rank.value,
+        mobility=degrees,
+        redundant_rows=redundant,
+        rank=rank,
+        pair_counts=dict(counts),
+        text=_text(mechanism, counts, bodies, freedoms, gruebler, generic),
+    )
+
+
+def generic_rank(mechanism: Mechanism) -> int:
+    """Rank r of the constraint Jacobian at a generic closed posture."""
+    return _generic(mechanism).rank.value
+
+
+def _generic(mechanism: Mechanism) -> _Generic:
+    if mechanism not in _GENERIC:
+        _GENERIC[mechanism] = _sample(mechanism)
+    return _GENERIC[mechanism]
+
+
+def _sample(mechanism: Mechanism) -> _Generic:
+    """Largest rank over home and random closed postures near it: rank can only drop elsewhere."""
+    rng = np.random.default_rng(0)
+    home = numerical_rank(first_order(mechanism, mechanism.home, task=False).K)
+    ranks = [home]
+    for _ in range(SAMPLES):
+        v = SPREAD * rng.standard_normal(mechanism.model.nv) * mechanism.column_scale
+        found = close(mechanism, guess=pin.integrate(mechanism.model, mechanism.home, v))
+        if found.converged:
+            ranks.append(numerical_rank(first_order(mechanism, found.q, task=False).K))
+    best = max(rank.value for rank in ranks)
+    narrow = min((rank for rank in ranks if rank.value == best), key=lambda rank: rank.gap)
+    return _Generic(narrow, home.value, len(ranks))
+
+
+def _bodies(description: Description) -> int:
+    """Number of rigid bodies: links, less those that hang on a fixed joint."""
+    return len(description.links) - sum(j.type == "fixed" for j in description.joints)
+
+
+def _pairs(description: Description) -> tuple[Counter[str], int]:
+    """Pairs by symbol, and the number of cross links swallowed by universal joints."""
+    crosses = [j for j in description.joints if _is_cross(description, j)]
+    counts: Counter[str] = Counter()
+    for joint in description.joints:
+        if joint.type in _SYMBOLS and joint.type != "fixed":
+            counts[_SYMBOLS[joint.type]] += 1
+    counts["R"] -= 2 * len(crosses)
+    counts["U"] += len(crosses)
+    for closure in description.closures:
+        counts[_SYMBOLS[closure.type]] += 1
+    return Counter({symbol: n for symbol, n in counts.items() if n}), len(crosses)
+
+
+def _is_cross(description: Description, joint: Joint) -> bool:
+    """Whether the joint's child is the cross link of a universal joint.
+
+    That is: a body without anything else on it that carries one revolute joint, whose axis meets
+    the joint's own axis at a right angle.
+    """
+    if joint.type != "revolute":
+        return False
+    following = [j for j in description.joints if j.parent == joint.child]
+    used = {c.parent for c in description.closures} | {c.child for c in description.closures}
+    if len(following) != 1 or following[0].type != "revolute" or joint.child in used:
+        return False
+    second = following[0]
+    from closedchain.closure.tree import se3
+
+    axis = se3(second.origin).rotation @ np.array(second.axis)
+    return bool(
+        np.allclose(second.origin.xyz, 0.0, atol=1e-12) and abs(axis @ np.array(joint.axis)) < 1e-9
+    )
+
+
+def _freedoms(symbol: str) -> int:
+    kinds = {_SYMBOLS[kind]: freedoms for kind, freedoms in FREEDOMS.items()}
+    return kinds[symbol]
+
+
+def _text(
+    mechanism: Mechanism,
+    counts: Counter[str],
+    bodies: int,
+    freedoms: int,
+    gruebler: int,
+    generic: _Generic,
+) -> str:
+    rank = generic.rank
+    degrees = mechanism.model.nv - rank.value
+    pairs = sum(counts.values())
+    listed = " + ".join(f"{n}{symbol}" for symbol, n in sorted(counts.items()))
+    lines = [
+        f"{mechanism.name}: mobility {degrees}.",
+        f"Count: n = {bodies} links, j = {listed} = {pairs} pairs, sum f = {freedoms}; "
+        f"F = 6 (n - j - 1) + sum f = {gruebler}.",
+        f"Rank: the {mechanism.rows} closure rows have generic {rank} over {generic.samples} "
+        f"closed postures; nv - r = {mechanism.model.nv} - {rank.value} = {degrees}.",
+    ]
+    redundant = mechanism.rows - rank.value
+    if redundant:
+        lines.append(f"{redundant} closure rows are redundant and consistent (overconstrained).")
+    if gruebler != degrees:
+        lines.append("The count differs from the mobility: it knows no special geometry.")
+    if generic.at_home < rank.value:
+        lines.append(f"At home the rank drops to {generic.at_home}: a constraint singularity.")
+    for remark in mechanism.description.remarks:
+        if remark.about == "mobility":
+            source = f" [{remark.source}]" if remark.source else ""
+            lines.append(f"{remark.text}{source}")
+    return "\n".join(textwrap.fill(line, 100) for line in lines)
