@@ -5,6 +5,8 @@ if __name__ != "closedchain.analysis":
         "import closedchain.analysis, not analysis: two copies of a class never match"
     )
 
+from closedchain.analysis.curves import SingularitySet, singularity_set
+from closedchain.analysis.maps import singularity_map
 from closedchain.analysis.mobility import Mobility, mobility
 from closedchain.analysis.redundancy import Redundancy, redundancy
 from closedchain.analysis.singularities import Classification, classify
@@ -14,9 +16,12 @@ __all__ = [
     "Classification",
     "Mobility",
     "Redundancy",
+    "SingularitySet",
     "Velocity",
     "classify",
     "mobility",
     "redundancy",
+    "singularity_map",
+    "singularity_set",
     "velocity",
 ]

@@ -29,17 +29,23 @@ class Followed:
     refusal: str | None
 
 
-def follow(at: At, start: Corrected) -> Followed:
-    """Follow the branch of ``start`` (parameter 0) as far as it goes."""
-    reached, last, step = 0.0, start, 1.0
+def follow(
+    at: At, start: Corrected, smallest: float = SMALLEST_STEP, longest: float = 1.0
+) -> Followed:
+    """Follow the branch of ``start`` (parameter 0) as far as steps of ``smallest`` lead.
+
+    ``longest`` keeps a step from leaping to where the equations look the same again, such as a
+    full turn further.
+    """
+    reached, last, step = 0.0, start, longest
     evaluations, refusal = start.evaluations, None
-    while reached < 1.0 and step >= SMALLEST_STEP:
+    while reached < 1.0 and step >= smallest:
         to = min(1.0, reached + step)
         equations, q = at(last.q, to)
         trial = correct(equations, q, start.branch, last.factors)
         evaluations += trial.evaluations
         if trial.refusal is None:
-            reached, last, step, refusal = to, trial, 2.0 * step, None
+            reached, last, step, refusal = to, trial, min(longest, 2.0 * step), None
         else:
             step *= 0.5
             refusal = trial.refusal

@@ -15,7 +15,7 @@ import pinocchio as pin
 from scipy.linalg import lapack
 
 from closedchain.closure.mechanism import Mechanism
-from closedchain.closure.ranks import RANK_TOLERANCE
+from closedchain.closure.ranks import rank_of_singular_values
 from closedchain.closure.task import Goal, goal_rows
 
 RESIDUAL_TOLERANCE = 1e-12
@@ -106,6 +106,42 @@ class Factors:
 
 
 @dataclass(frozen=True, eq=False)
+class Range:
+    """Singular bases of a dimensionless Jacobian that is not square, cut at its rank.
+
+    It has no determinant; in its place, ``left_by`` tells whether another Jacobian is too far away
+    for this one to rule out a singular one in between.
+    """
+
+    u: np.ndarray
+    s: np.ndarray
+    v: np.ndarray
+    sign: None = None
+
+    @classmethod
+    def of(cls, matrix: np.ndarray) -> Range:
+        """Decompose (rows, columns)."""
+        u, s, vt = np.linalg.svd(matrix, full_matrices=False)
+        rank = rank_of_singular_values(s).value
+        return cls(u[:, :rank], s[:rank], vt[:rank].T)
+
+    def step(self, values: np.ndarray) -> np.ndarray:
+        """Shortest least-squares step (columns,) for residual ``values`` (rows,)."""
+        return -self.v @ ((self.u.T @ values) / self.s)
+
+    def left_by(self, other: Range) -> bool:
+        """Whether the rank changed, or may have dropped between here and ``other``.
+
+        Where S^-1 U^T A V differs from 1 by less than 1, so does every Jacobian on the straight
+        line from this one to A: all of them keep the rank.
+        """
+        if self.s.size != other.s.size:
+            return True
+        here = (self.u.T @ other.u) * other.s @ (other.v.T @ self.v)
+        return bool(np.linalg.norm(here / self.s[:, None] - np.eye(self.s.size), 2) >= NEAR)
+
+
+@dataclass(frozen=True, eq=False)
 class Corrected:
     """Outcome of Newton's method from nearby: the posture, or why it was refused.
 
@@ -117,13 +153,14 @@ class Corrected:
     residual: float
     branch: int | None
     evaluations: int
-    factors: Factors | None = None
+    factors: Factors | Range | None = None
     refusal: str | None = None
 
 
 FIRST_STEP = 0.5  # dimensionless: half the characteristic length, or half a radian
 CONTRACTION = 0.3  # of successive steps: what Newton's method shows well inside its basin
 QUADRATIC = 1e-6  # a step this small leaves an error at rounding level
+NEAR = 0.9  # relative change of a Jacobian that is surely not singular anywhere in between: below 1
 PIVOT_LIMIT = 1e-14  # of the largest pivot: below it a square system is singular to rounding
 ITERATIONS = 12
 
@@ -132,14 +169,14 @@ def correct(
     equations: Equations,
     q: np.ndarray,
     branch: int | None = None,
-    chord: Factors | None = None,
+    chord: Factors | Range | None = None,
 ) -> Corrected:
     """Newton's method from a nearby posture that must not change branch.
 
     Refuses when the first step is large, when steps do not shrink fast, when the system is
-    singular, or when the sign of its determinant differs from ``branch``: in each case the basin
-    of another solution may be near. With ``chord``, factors from nearby, the first step costs a
-    residual only.
+    singular, or when the sign of its determinant differs from ``branch`` (where it is not square:
+    when its Jacobian is far from that of ``chord``): in each case the basin of another solution
+    may be near. With ``chord``, factors from nearby, the first step costs a residual only.
     """
     last_step, count = FIRST_STEP, 0
     if chord is not None:
@@ -150,22 +187,28 @@ def correct(
             return Corrected(q, math.inf, chord.sign, count, refusal="step")
         last_step = max(CONTRACTION * size, 1e-14)
         q = equations.move(q, step)
-    factors, sign = None, None
+    factors: Factors | Range | None = None
+    sign = None
     while count < ITERATIONS:
         count += 1
         values, matrix = equations.evaluate(q)
         scaled = values / equations.row_scale
+        if not matrix.size:
+            closed = largest(values)
+            return Corrected(
+                q, closed, 1, count, refusal=None if closed < RESIDUAL_TOLERANCE else "step"
+            )
         if matrix.shape[0] != matrix.shape[1]:
-            step = -np.linalg.lstsq(matrix, scaled, rcond=RANK_TOLERANCE)[0]
-        elif matrix.size:
+            factors = Range.of(matrix)
+            if isinstance(chord, Range) and chord.left_by(factors):
+                return Corrected(q, largest(values), None, count, factors, "far")
+        else:
             factors = Factors.of(matrix)
             sign = factors.sign
             if sign == 0 or sign == -(branch or 0):
                 why = "sign" if sign else "singular"
                 return Corrected(q, largest(values), sign, count, factors, why)
-            step = factors.step(scaled)
-        else:
-            return Corrected(q, 0.0, 1, count)
+        step = factors.step(scaled)
         size = math.sqrt(step @ step)
         closed = largest(values)
         if size < QUADRATIC and closed < 0.1 * RESIDUAL_TOLERANCE:

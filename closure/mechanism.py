@@ -178,7 +178,7 @@ class Mechanism:
         ClosureError
             Wrong shape, NaN or infinite entries, or a quaternion that is not normalised.
         """
-        array = _finite_vector(q, self.model.nq, "configuration q", "nq")
+        array = finite_vector(q, self.model.nq, "configuration q", "nq")
         for start in self._quaternions:
             norm = float(np.linalg.norm(array[start : start + 4]))
             if abs(norm - 1.0) > QUATERNION_TOLERANCE:
@@ -190,7 +190,7 @@ class Mechanism:
 
     def tangent(self, v: ArrayLike) -> np.ndarray:
         """Check a velocity: (nv,) finite numbers. Raises ``ClosureError``."""
-        return _finite_vector(v, self.model.nv, "velocity v", "nv")
+        return finite_vector(v, self.model.nv, "velocity v", "nv")
 
     def input_vector(self, values: ArrayLike | Mapping[str, float], what: str) -> np.ndarray:
         """Check one number per input, given in order or by name. Raises ``ClosureError``."""
@@ -202,7 +202,7 @@ class Mechanism:
             if missing:
                 raise ClosureError(f"{what}: no value for input {', '.join(missing)}")
             values = [values[name] for name in self.inputs]
-        return _finite_vector(values, len(self.inputs), what, " ".join(self.inputs))
+        return finite_vector(values, len(self.inputs), what, " ".join(self.inputs))
 
     @cached_property
     def _quaternions(self) -> tuple[int, ...]:
@@ -289,11 +289,17 @@ class Mechanism:
             return self._local.workspace
 
 
-def _finite_vector(values: ArrayLike, size: int, what: str, unit: str) -> np.ndarray:
+def finite_vector(values: ArrayLike, size: int, what: str, unit: str) -> np.ndarray:
+    """Check (size,) finite real numbers; a single one may come bare. Raises ``ClosureError``."""
     try:
-        array = np.array(values, dtype=float)
+        raw = np.asarray(values)
+        if raw.dtype.kind not in "biufO":  # text and complex numbers would be cast silently
+            raise TypeError
+        array = np.array(raw, dtype=float)
     except (TypeError, ValueError):
         raise ClosureError(f"{what} must be {size} numbers ({unit}), got {values!r}") from None
+    if size == 1 and array.ndim == 0:
+        array = array.reshape(1)
     if array.shape != (size,):
         raise ClosureError(f"{what} must have shape ({size},) ({unit}), got {array.shape}")
     if not np.isfinite(array).all():

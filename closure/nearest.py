@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from closedchain.closure.constraints import flipped_axes, gaps
 from closedchain.closure.equations import RESIDUAL_TOLERANCE, Equations
-from closedchain.closure.mechanism import Mechanism
+from closedchain.closure.mechanism import Mechanism, finite_vector
 from closedchain.closure.ranks import null_space
 from closedchain.closure.solution import Solution
 from closedchain.closure.task import Goal, goal
@@ -109,9 +109,7 @@ def _pose(name: str, pose: object) -> pin.SE3:
 
 
 def _point_goal(mechanism: Mechanism, name: str, xyz: ArrayLike) -> Goal:
-    position = np.array(xyz, dtype=float)
-    if position.shape != (3,) or not np.isfinite(position).all():
-        raise ClosureError(f"points[{name!r}] must be three finite numbers [m], got {xyz!r}")
+    position = finite_vector(xyz, 3, f"points[{name!r}]", "x y z in m")
     return goal(mechanism, name, pin.SE3(np.eye(3), position), ("x", "y", "z"))
 
 
@@ -125,7 +123,7 @@ def _hold(
     for name, value in fixed.items():
         if name in inputs:
             joint_id = inputs[name]
-        elif mechanism.model.existJointName(name):
+        elif name != "universe" and mechanism.model.existJointName(name):
             joint_id = mechanism.model.getJointId(name)
         else:
             known = [*mechanism.inputs, *list(mechanism.model.names)[1:]]
@@ -133,9 +131,7 @@ def _hold(
         joint = mechanism.model.joints[joint_id]
         if isinstance(value, pin.SE3):
             value = pin.SE3ToXYZQUAT(value)
-        numbers = np.atleast_1d(np.array(value, dtype=float))
-        if numbers.shape != (joint.nq,) or not np.isfinite(numbers).all():
-            raise ClosureError(f"fixed[{name!r}] needs {joint.nq} finite number(s), got {value!r}")
+        numbers = finite_vector(value, joint.nq, f"fixed[{name!r}]", "m, rad")
         q[joint.idx_q : joint.idx_q + joint.nq] = numbers
         held[joint.idx_v : joint.idx_v + joint.nv] = True
     return mechanism.configuration(q), np.flatnonzero(~held)

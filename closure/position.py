@@ -20,6 +20,7 @@ from closedchain.closure.trust_region import Descent, descend
 from closedchain.urdf.errors import ClosureError
 
 RESTARTS = 12
+LONGEST_STEP = 1.0  # dimensionless: a characteristic length, or a radian
 
 
 def direct(
@@ -65,7 +66,8 @@ def direct(
     if first is None:
         found = descend(equations, at(start, 1.0)[1])
         return _not_closed(equations, found, "the guess has no branch: it is singular or open", 0)
-    path = follow(at, first)
+    travel = (target - begin) / mechanism.column_scale[mechanism.input_v]
+    path = follow(at, first, longest=_longest_step(float(np.linalg.norm(travel))))
     if path.refusal is None:
         return _solution(at(path.last.q, 1.0)[0], path.last, path.evaluations)
     here = path.last.q[mechanism.input_q]
@@ -126,7 +128,10 @@ def inverse(
     first = _on_branch(at(start, 0.0)[0], start)
     evaluations, why = 0, "the guess is an inverse singularity: no branch to follow"
     if first is not None:
-        path = follow(at, first)
+        travel = np.linalg.norm(
+            pose.translation - begin.translation
+        ) / mechanism.length + np.linalg.norm(pin.log3(begin.rotation.T @ pose.rotation))
+        path = follow(at, first, longest=_longest_step(float(travel)))
         if path.refusal is None and not faces_away(mechanism, path.last.q, final):
             return _solution(at(path.last.q, 1.0)[0], path.last, path.evaluations)
         evaluations = path.evaluations
@@ -162,7 +167,8 @@ def _by_descent(
             message = f"{why}; another branch reaches the pose: give a guess on it"
             return replace(solution, converged=False, message=message)
     assert best is not None
-    return _not_closed(equations, best, why, evaluations)
+    where = "the joint limits, with a mirrored joint or with the tip reversed"
+    return _not_closed(equations, best, why, evaluations, where)
 
 
 def _scattered(mechanism: Mechanism, start: np.ndarray) -> list[np.ndarray]:
@@ -182,6 +188,11 @@ def _proper(mechanism: Mechanism, q: np.ndarray, goals: tuple[Goal, ...]) -> boo
         or flipped_axes(mechanism, q)
         or any(faces_away(mechanism, q, g) for g in goals)
     )
+
+
+def _longest_step(travel: float) -> float:
+    """Share of a dimensionless ``travel`` that one step may cover."""
+    return min(1.0, LONGEST_STEP / travel) if travel > 0.0 else 1.0
 
 
 def _between(begin: pin.SE3, end: pin.SE3, t: float) -> pin.SE3:
@@ -223,11 +234,17 @@ def _solution(equations: Equations, found: Corrected, evaluations: int) -> Solut
     )
 
 
-def _not_closed(equations: Equations, found: Descent, why: str, evaluations: int) -> Solution:
+def _not_closed(
+    equations: Equations,
+    found: Descent,
+    why: str,
+    evaluations: int,
+    where: str = "that singularity",
+) -> Solution:
     mechanism = equations.mechanism
     loops = found.values[: mechanism.rows]
     if found.closed:
-        message = f"{why}; the loops close there only beyond that singularity"
+        message = f"{why}; the loops close there only beyond {where}"
     elif loops.size and np.abs(loops).max() >= RESIDUAL_TOLERANCE:
         message = f"{why}; out of reach: {open_closure(mechanism, loops)}"
     else:

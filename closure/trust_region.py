@@ -13,6 +13,8 @@ import numpy as np
 from closedchain.closure.equations import RESIDUAL_TOLERANCE, Equations
 from closedchain.closure.ranks import RANK_TOLERANCE
 
+OPEN = 1e-16  # squared scaled residual below which a posture may still be closing
+
 
 @dataclass(frozen=True)
 class Descent:
@@ -35,9 +37,18 @@ class Descent:
 
 
 def descend(
-    equations: Equations, q: np.ndarray, *, radius: float = 0.5, evaluations: int = 200
+    equations: Equations,
+    q: np.ndarray,
+    *,
+    radius: float = 0.5,
+    evaluations: int = 200,
+    settle: float = 1e-10,
 ) -> Descent:
-    """Minimise the scaled residual from ``q``; ``radius`` limits the first step (dimensionless)."""
+    """Minimise the scaled residual from ``q``; ``radius`` limits the first step (dimensionless).
+
+    Stops at an open posture once the linear model promises to lower the squared residual by less
+    than the share ``settle``: no closed posture is near then.
+    """
     values, matrix = equations.evaluate(q)
     scaled = values / equations.row_scale
     cost = float(scaled @ scaled)
@@ -51,6 +62,8 @@ def descend(
             break
         model = scaled + matrix @ step
         predicted = cost - float(model @ model)
+        if predicted < settle * cost and cost > OPEN:
+            break
         q_new = equations.move(q, step)
         values_new, matrix_new = equations.evaluate(q_new)
         scaled_new = values_new / equations.row_scale
@@ -62,14 +75,10 @@ def descend(
         elif share > 0.75:
             radius = max(radius, 2.5 * size)
         if cost_new >= cost:
-            if cost < 1e-26:  # rounding: nothing left to gain
+            if cost < 1e-24:  # rounding: nothing left to gain
                 break
             continue
-        # where the descent creeps along a minimum that is not zero, more steps gain nothing
-        creeping = cost > 1e-20 and cost - cost_new < 1e-13 * cost
         q, values, matrix, scaled, cost = q_new, values_new, matrix_new, scaled_new, cost_new
-        if creeping:
-            break
     return Descent(q, values, matrix, count)
 
 

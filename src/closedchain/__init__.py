@@ -4,10 +4,13 @@ from closedchain.analysis import (
     Classification,
     Mobility,
     Redundancy,
+    SingularitySet,
     Velocity,
     classify,
     mobility,
     redundancy,
+    singularity_map,
+    singularity_set,
     velocity,
 )
 from closedchain.closure import (
@@ -36,6 +39,7 @@ __all__ = [
     "Mechanism",
     "Mobility",
     "Redundancy",
+    "SingularitySet",
     "Solution",
     "Velocity",
     "classify",
@@ -50,5 +54,7 @@ __all__ = [
     "redundancy",
     "residual",
     "robots",
+    "singularity_map",
+    "singularity_set",
     "velocity",
 ]

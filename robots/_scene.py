@@ -1,0 +1,175 @@
+"""The drawing of a mechanism as Meshcat commands: visuals or sticks, camera, background."""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+import numpy as np
+import pinocchio as pin
+
+from closedchain.closure import Closure, Mechanism
+
+_TO_Z = {  # rotation that takes the world axis "up" to Meshcat's z
+    "x": np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]]),
+    "y": np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]),
+    "z": np.eye(3),
+}
+_VIEW = np.array([0.55, 0.22, 0.80])  # from the robot to the camera; y is up here
+_DISTANCE = 1.6  # in radii of the robot: all of it within the field of view
+_STICK, _JOINT, _CLOSURE = 0x5A5E66, 0xE6730D, 0x0D8C80
+
+
+class Recorder:
+    """What Meshcat takes for its window: keeps the commands instead of sending them."""
+
+    web_url = ""
+
+    def __init__(self) -> None:
+        self.commands: list[bytes] = []
+
+    def send(self, command: Any) -> None:
+        """Keep a command as Meshcat packs it."""
+        import umsgpack
+
+        self.commands.append(umsgpack.packb(command.lower()))
+
+
+def draw(
+    recorder: Recorder, mechanism: Mechanism, q: np.ndarray, up: Literal["x", "y", "z"]
+) -> str:
+    """Record the drawing of a posture; return a remark for the reader, or an empty string."""
+    import meshcat
+
+    view = meshcat.Visualizer(window=recorder)
+    visuals, note = _visuals(mechanism)
+    points = _sticks(view, mechanism, q, thin=visuals is not None)
+    if visuals is not None:
+        points.append(_show_visuals(view, mechanism, visuals, q))
+    _look_at(view, np.vstack(points) @ _TO_Z[up].T, _TO_Z[up])
+    return note
+
+
+def _visuals(mechanism: Mechanism) -> tuple[pin.GeometryModel | None, str]:
+    """Shapes of the URDF, or None and the reason why they are not drawn."""
+    if not any(link.visuals for link in mechanism.description.links):
+        return None, "no visuals: drawn as sticks between the joints"
+    try:
+        model = pin.buildGeomFromUrdfString(
+            mechanism.model, mechanism.description.text, pin.GeometryType.VISUAL
+        )
+    except (ValueError, RuntimeError) as error:
+        return None, f"drawn as sticks: the visuals cannot be read ({str(error).strip()[:200]})"
+    return model, ""
+
+
+def _show_visuals(
+    view: Any, mechanism: Mechanism, visuals: pin.GeometryModel, q: np.ndarray
+) -> np.ndarray:
+    """Draw the shapes; return corners of their boxes in the world, (n, 3)."""
+    from pinocchio.visualize import MeshcatVisualizer
+
+    display = MeshcatVisualizer(mechanism.model, None, visuals)
+    display.initViewer(viewer=view["robot"], open=False, loadModel=False)
+    display.loadViewerModel("bodies")
+    display.display(q)
+    corners = []
+    for shape, pose in zip(visuals.geometryObjects, display.visual_data.oMg, strict=True):
+        shape.geometry.computeLocalAABB()
+        box = shape.geometry.aabb_local
+        ends = np.array([box.min_, box.max_]) * shape.meshScale
+        for x, y, z in np.ndindex(2, 2, 2):
+            corners.append(pose.act(np.array([ends[x, 0], ends[y, 1], ends[z, 2]])))
+    return np.array(corners).reshape(-1, 3)
+
+
+def _sticks(view: Any, mechanism: Mechanism, q: np.ndarray, thin: bool) -> list[np.ndarray]:
+    """Draw straight sticks inside the bodies; only those of the base where ``thin``.
+
+    Returns the ends of all sticks in the world, each (n, 3).
+    """
+    import meshcat.geometry as shapes
+
+    spots = {name: mechanism.point(q, name) for name in mechanism.frame_ids}
+    description = mechanism.description
+    floating = {j.child for j in description.joints if j.type == "floating"}
+    sticks = [
+        (spots[j.parent], spots[j.child]) for j in description.joints if j.child not in floating
+    ]
+    if thin:
+        base = _fixed_links(mechanism)
+        sticks = [
+            (spots[j.parent], spots[j.child])
+            for j in description.joints
+            if j.parent in base and j.child not in floating
+        ]
+    closed = []
+    for closure in mechanism.closures:
+        if isinstance(closure, Closure) and not thin:
+            ends = _closure_points(mechanism, closure)
+            closed += list(ends)
+            sticks += [(spots[closure.parent], ends[0]), (spots[closure.child], ends[1])]
+    every = np.array([*spots.values(), *closed])
+    radius = 0.5 * float(np.linalg.norm(np.ptp(every, axis=0))) or mechanism.length
+    width = radius * (0.005 if thin else 0.011)
+    material = shapes.MeshLambertMaterial(color=_STICK)
+    for i, (begin, end) in enumerate(sticks):
+        length = float(np.linalg.norm(end - begin))
+        if length > 1e-6 * radius:
+            node = view["robot"]["sticks"][str(i)]
+            node.set_object(shapes.Cylinder(length, width), material)
+            node.set_transform(_along(begin, end))
+    if not thin:
+        moved = {j.child for j in description.joints if j.type not in ("fixed", "floating")}
+        balls = [(spots[name], _JOINT) for name in spots if name in moved]
+        balls += [(spot, _CLOSURE) for spot in closed]
+        for i, (spot, colour) in enumerate(balls):
+            node = view["robot"]["joints"][str(i)]
+            node.set_object(shapes.Sphere(2.2 * width), shapes.MeshLambertMaterial(color=colour))
+            node.set_transform(_at(spot))
+    return [every]
+
+
+def _fixed_links(mechanism: Mechanism) -> set[str]:
+    """Links that are one body with the root."""
+    frames = mechanism.model.frames
+    return {name for name, i in mechanism.frame_ids.items() if frames[i].parentJoint == 0}
+
+
+def _closure_points(mechanism: Mechanism, closure: Closure) -> tuple[np.ndarray, np.ndarray]:
+    """Both ends of a closure in the world, at the posture evaluated last."""
+    poses = mechanism.workspace.data.oMi
+    one = poses[closure.joint1].act(closure.placement1.translation)
+    two = poses[closure.joint2].act(closure.placement2.translation)
+    return np.array(one), np.array(two)
+
+
+def _at(position: np.ndarray) -> np.ndarray:
+    transform = np.eye(4)
+    transform[:3, 3] = position
+    return transform
+
+
+def _along(begin: np.ndarray, end: np.ndarray) -> np.ndarray:
+    """Pose of a Meshcat cylinder, whose axis is y, between two points."""
+    axis = (end - begin) / np.linalg.norm(end - begin)
+    transform = _at(0.5 * (begin + end))
+    if axis[1] < -1.0 + 1e-9:
+        return transform
+    turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 1.0, 0.0]), axis)
+    transform[:3, :3] = turn.matrix()
+    return transform
+
+
+def _look_at(view: Any, points: np.ndarray, rotation: np.ndarray) -> None:
+    """Turn the robot, put the middle of all points (n, 3) in the middle, and show all of them."""
+    low, high = points.min(axis=0), points.max(axis=0)
+    radius = 0.5 * float(np.linalg.norm(high - low)) or 1.0
+    turned = _at(-0.5 * (low + high))
+    turned[:3, :3] = rotation
+    view["robot"].set_transform(turned)
+    position = _DISTANCE * radius * _VIEW / np.linalg.norm(_VIEW)
+    view["/Cameras/default/rotated/<object>"].set_property("position", position.tolist())
+    for path in ("/Grid", "/Axes"):
+        view[path].set_property("visible", False)
+    view["/Background"].set_property("top_color", [0.97, 0.98, 1.0])
+    view["/Background"].set_property("bottom_color", [0.90, 0.92, 0.95])
