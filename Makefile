@@ -27,7 +27,7 @@ check: env
 	$(BIN)/mypy -p closedchain
 
 bench: env
-	$(BIN)/python -m benchmarks.run
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m benchmarks.run
 
 clean:
 	rm -rf $(VENV) build dist results .pytest_cache .mypy_cache .ruff_cache .hypothesis .benchmarks src/*.egg-info

@@ -35,11 +35,11 @@ def follow(
     """Follow the branch of ``start`` (parameter 0) as far as steps of ``smallest`` lead.
 
     ``longest`` keeps a step from leaping to where the equations look the same again, such as a
-    full turn further.
+    full turn further; ``smallest`` is a share of it.
     """
     reached, last, step = 0.0, start, longest
     evaluations, refusal = start.evaluations, None
-    while reached < 1.0 and step >= smallest:
+    while reached < 1.0 and step >= smallest * longest:
         to = min(1.0, reached + step)
         equations, q = at(last.q, to)
         trial = correct(equations, q, start.branch, last.factors)

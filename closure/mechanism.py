@@ -19,6 +19,7 @@ from closedchain.urdf.description import OUTPUTS, Description, ParameterValue
 from closedchain.urdf.errors import ClosureError, known_names
 
 QUATERNION_TOLERANCE = 1e-6
+LARGEST_NUMBER = 1e6  # metres or radians: beyond it rounding alone breaks the closure tolerance
 
 
 @dataclass(frozen=True)
@@ -305,4 +306,10 @@ def finite_vector(values: ArrayLike, size: int, what: str, unit: str) -> np.ndar
     if not np.isfinite(array).all():
         bad = np.flatnonzero(~np.isfinite(array))
         raise ClosureError(f"{what} has entries that are not finite, at index {bad.tolist()}")
+    if array.size and np.abs(array).max() > LARGEST_NUMBER:
+        bad = np.flatnonzero(np.abs(array) > LARGEST_NUMBER)
+        raise ClosureError(
+            f"{what} has entries beyond {LARGEST_NUMBER:g} (metres, radians), at index "
+            f"{bad.tolist()}"
+        )
     return array

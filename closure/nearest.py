@@ -157,20 +157,29 @@ def _lay_floating_bodies(
 def _approach(equations: Equations, found: Descent, guess: np.ndarray) -> Descent:
     """Slide along the closed postures until none nearer to the guess is found.
 
-    At the nearest one the displacement to the guess is orthogonal to the null space of the rows.
+    At the nearest one no motion in the null space of the rows shortens the displacement to the
+    guess: to first order, the displacement is orthogonal to it.
     """
     mechanism = equations.mechanism
     free = equations.free
 
+    scale = mechanism.column_scale
+
     def displacement(q: np.ndarray) -> np.ndarray:
-        difference = pin.difference(mechanism.model, q, guess)
-        return np.asarray((difference / mechanism.column_scale)[free])
+        return np.asarray((pin.difference(mechanism.model, q, guess) / scale)[free])
+
+    def nearer_by(q: np.ndarray) -> np.ndarray:
+        """Derivative (free, free) of minus the displacement: not 1 where rotations differ."""
+        derivative = pin.dDifference(mechanism.model, q, guess, pin.ARG0)
+        return np.asarray(-(derivative * scale / scale[:, None])[np.ix_(free, free)])
 
     evaluations, share = found.evaluations, 1.0
     away = displacement(found.q)
     for _ in range(60):
         basis, _ = null_space(found.system)
-        along = basis.T @ away
+        if not basis.shape[1]:
+            break
+        along = np.linalg.lstsq(nearer_by(found.q) @ basis, away, rcond=None)[0]
         if np.linalg.norm(along) < 1e-9 * (1.0 + np.linalg.norm(away)) or share < 1e-3:
             break
         start = equations.move(found.q, share * (basis @ along))

@@ -21,6 +21,7 @@ from closedchain.urdf.errors import ClosureError
 
 RESTARTS = 12
 LONGEST_STEP = 1.0  # dimensionless: a characteristic length, or a radian
+MOST_STEPS = 1000  # that this bound may ask for
 
 
 def direct(
@@ -59,17 +60,20 @@ def direct(
 
     def at(q: np.ndarray, t: float) -> tuple[Equations, np.ndarray]:
         q = q.copy()
-        q[mechanism.input_q] = begin + t * (target - begin)
+        q[mechanism.input_q] = target if t == 1.0 else begin + t * (target - begin)
         return equations, q
 
-    first = _on_branch(equations, start)
+    first = mechanism.workspace.last_direct
+    if first is None or not np.array_equal(first.q, start):
+        first = _on_branch(equations, start)
     if first is None:
         found = descend(equations, at(start, 1.0)[1])
         return _not_closed(equations, found, "the guess has no branch: it is singular or open", 0)
     travel = (target - begin) / mechanism.column_scale[mechanism.input_v]
-    path = follow(at, first, longest=_longest_step(float(np.linalg.norm(travel))))
+    path = follow(at, first, longest=_longest_step(float(np.abs(travel).max())))
     if path.refusal is None:
-        return _solution(at(path.last.q, 1.0)[0], path.last, path.evaluations)
+        mechanism.workspace.last_direct = path.last
+        return _solution(equations, path.last, path.evaluations)
     here = path.last.q[mechanism.input_q]
     where = ", ".join(f"{n}={x:.6g}" for n, x in zip(mechanism.inputs, here, strict=True))
     why = (
@@ -192,7 +196,7 @@ def _proper(mechanism: Mechanism, q: np.ndarray, goals: tuple[Goal, ...]) -> boo
 
 def _longest_step(travel: float) -> float:
     """Share of a dimensionless ``travel`` that one step may cover."""
-    return min(1.0, LONGEST_STEP / travel) if travel > 0.0 else 1.0
+    return float(np.clip(LONGEST_STEP / travel, MOST_STEPS**-1, 1.0)) if travel > 0.0 else 1.0
 
 
 def _between(begin: pin.SE3, end: pin.SE3, t: float) -> pin.SE3:

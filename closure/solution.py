@@ -19,7 +19,7 @@ class Solution:
     Attributes
     ----------
     q : (nq,) array
-        Configuration; when not converged, the closest posture that was found.
+        Configuration, write-protected; when not converged, the closest posture that was found.
     residual : float
         Largest absolute row of all equations that had to hold [m or rad].
     converged : bool
@@ -45,6 +45,10 @@ class Solution:
     branch: int | None = None
     beyond_limits: tuple[str, ...] = ()
     equations: Equations | None = field(default=None, repr=False)
+
+    def __post_init__(self) -> None:
+        """Write-protect the posture: a solution is a value."""
+        self.q.setflags(write=False)
 
     @cached_property
     def rank_decision(self) -> Rank:

@@ -53,7 +53,7 @@ def descend(
     scaled = values / equations.row_scale
     cost = float(scaled @ scaled)
     count = 1
-    while count < evaluations and cost > 0.0:
+    while count < evaluations and cost > 0.0 and matrix.size:
         u, s, vt = np.linalg.svd(matrix, full_matrices=False)
         step_in_v = _bounded_step(s, u.T @ scaled, radius)
         step = vt.T @ step_in_v

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+import warnings
 from typing import Any, Literal
 
 import numpy as np
@@ -15,30 +17,47 @@ _TO_Z = {  # rotation that takes the world axis "up" to Meshcat's z
     "z": np.eye(3),
 }
 _VIEW = np.array([0.55, 0.22, 0.80])  # from the robot to the camera; y is up here
+_FROM_ABOVE = np.array([0.20, 0.90, 0.45])  # for a mechanism that lies in a plane
 _DISTANCE = 1.6  # in radii of the robot: all of it within the field of view
+_IDENTIFIER = re.compile(r"[0-9a-f]{8}(-[0-9a-f]{4}){3}-[0-9a-f]{12}")
 _STICK, _JOINT, _CLOSURE = 0x5A5E66, 0xE6730D, 0x0D8C80
 
 
 class Recorder:
-    """What Meshcat takes for its window: keeps the commands instead of sending them."""
+    """What Meshcat takes for its window: keeps the commands instead of sending them.
+
+    Meshcat's random identifiers are replaced by numbers, so that equal drawings are equal bytes.
+    """
 
     web_url = ""
 
     def __init__(self) -> None:
         self.commands: list[bytes] = []
+        self._numbers: dict[str, str] = {}
 
     def send(self, command: Any) -> None:
         """Keep a command as Meshcat packs it."""
-        import umsgpack
+        import umsgpack  # type: ignore[import-untyped]
 
-        self.commands.append(umsgpack.packb(command.lower()))
+        self.commands.append(umsgpack.packb(self._numbered(command.lower())))
+
+    def _numbered(self, value: Any) -> Any:
+        if isinstance(value, dict):
+            return {key: self._numbered(item) for key, item in value.items()}
+        if isinstance(value, list) and value and isinstance(value[0], dict):
+            return [self._numbered(item) for item in value]
+        if isinstance(value, str) and _IDENTIFIER.fullmatch(value):
+            return self._numbers.setdefault(value, f"id-{len(self._numbers)}")
+        return value
 
 
 def draw(
     recorder: Recorder, mechanism: Mechanism, q: np.ndarray, up: Literal["x", "y", "z"]
 ) -> str:
     """Record the drawing of a posture; return a remark for the reader, or an empty string."""
-    import meshcat
+    with warnings.catch_warnings():  # meshcat asks pyzmq for a module that pyzmq deprecates
+        warnings.simplefilter("ignore", DeprecationWarning)
+        import meshcat
 
     view = meshcat.Visualizer(window=recorder)
     visuals, note = _visuals(mechanism)
@@ -167,7 +186,9 @@ def _look_at(view: Any, points: np.ndarray, rotation: np.ndarray) -> None:
     turned = _at(-0.5 * (low + high))
     turned[:3, :3] = rotation
     view["robot"].set_transform(turned)
-    position = _DISTANCE * radius * _VIEW / np.linalg.norm(_VIEW)
+    flat = high[2] - low[2] < 0.2 * radius
+    view_from = _FROM_ABOVE if flat else _VIEW
+    position = _DISTANCE * radius * view_from / np.linalg.norm(view_from)
     view["/Cameras/default/rotated/<object>"].set_property("position", position.tolist())
     for path in ("/Grid", "/Axes"):
         view[path].set_property("visible", False)

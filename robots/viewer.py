@@ -7,6 +7,7 @@ no server of Meshcat's runs, nothing is left over after an error, and the page n
 from __future__ import annotations
 
 import base64
+import contextlib
 import html
 import threading
 import webbrowser
@@ -128,6 +129,12 @@ class Served:
     def url(self) -> str:
         """Address of the page."""
         return f"http://127.0.0.1:{self._server.server_port}/"
+
+    def wait(self) -> None:
+        """Serve until Ctrl-C."""
+        with contextlib.suppress(KeyboardInterrupt):
+            while self._thread.is_alive():
+                self._thread.join(1.0)
 
     def close(self) -> None:
         """Stop serving."""

@@ -1,0 +1,187 @@
+"""What the commands are given: a robot, its parameters, values of its inputs, slices."""
+
+from __future__ import annotations
+
+import math
+import re
+import tempfile
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+from closedchain.urdf.errors import ClosedChainError, DescriptionError, known_names
+
+if TYPE_CHECKING:
+    from closedchain.closure import Mechanism
+
+Up = Literal["x", "y", "z"]
+
+
+class BadArgumentError(ClosedChainError):
+    """An argument of a command that cannot be understood."""
+
+
+def load_robot(
+    name: str, settings: Sequence[str] = (), variant: str | None = None, *, xacro: bool = True
+) -> Mechanism:
+    """Load a robot of the catalogue, or of a URDF or xacro file.
+
+    Raises
+    ------
+    ClosedChainError, OSError
+        Unknown robot or parameter, unreadable file, wrong description.
+    """
+    import closedchain as cc
+    from closedchain.closure import mechanism_from_description
+    from closedchain.urdf import load_description
+
+    parameters = _settings(settings)
+    if name in cc.robots():
+        for key in ("name", "variant"):  # words of cc.load itself
+            if key in parameters:
+                raise DescriptionError(f"unknown parameter {key!r} of {name}")
+        return cc.load(name, variant=variant, **parameters)
+    path = Path(name)
+    if not path.is_file():
+        if path.is_dir():
+            raise DescriptionError(f"{name} is a folder, not a URDF file")
+        if path.suffix or path.name != name:
+            raise DescriptionError(f"there is no file {name}")
+        raise DescriptionError(f"{known_names(name, 'robot', cc.robots())}; nor is it a file")
+    if variant is not None:
+        raise DescriptionError("--variant is for robots of the catalogue, not for files")
+    return mechanism_from_description(load_description(path, parameters, xacro=xacro))
+
+
+def up_axis(name: str, chosen: str | None = None) -> Up:
+    """World axis to draw upwards: the one chosen, the catalogue's, else z."""
+    from closedchain.robots import robot, robots
+
+    axes: dict[str, Up] = {"x": "x", "y": "y", "z": "z"}
+    if chosen is not None:
+        if chosen not in axes:
+            raise BadArgumentError(known_names(chosen, "axis", axes))
+        return axes[chosen]
+    return robot(name).up if name in robots() else "z"
+
+
+def finite(values: Sequence[float], what: str) -> None:
+    """Refuse what is not finite. Raises ``BadArgumentError``."""
+    if not all(map(math.isfinite, values)):
+        raise BadArgumentError(f"{what}: {' '.join(map(str, values))} are not finite numbers")
+
+
+def number(text: str, what: str) -> float:
+    """Read a finite number. Raises ``BadArgumentError``."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise BadArgumentError(f"{what}: {text!r} is not a finite number")
+    return value
+
+
+def input_values(mechanism: Mechanism, words: Iterable[str], option: str = "") -> dict[str, float]:
+    """Read ``name=value`` words about the inputs of a mechanism. Raises ``BadArgumentError``."""
+    values: dict[str, float] = {}
+    for word in words:
+        name, text = _split(word, option or "input")
+        _known_input(mechanism, name)
+        if name in values:
+            raise BadArgumentError(f"input {name} is given twice")
+        values[name] = number(text, f"input {name}")
+    return values
+
+
+@dataclass
+class Slices:
+    """What ``--over`` asks for: pairs of inputs, and by input its range and number of points."""
+
+    pairs: list[tuple[str, str]] = field(default_factory=list)
+    ranges: dict[str, tuple[float, float]] = field(default_factory=dict)
+    points: dict[str, int] = field(default_factory=dict)
+
+
+def slices(mechanism: Mechanism, words: Sequence[str]) -> Slices:
+    """Read ``name``, ``name=lo:hi`` and ``name=lo:hi:n`` words, two to a slice.
+
+    Raises
+    ------
+    BadArgumentError
+        Unknown inputs, an odd number of them, ranges that do not rise or do not agree.
+    """
+    found, names = Slices(), []
+    for word in words:
+        name, _, text = word.partition("=")
+        _known_input(mechanism, name)
+        names.append(name)
+        if "=" in word:
+            _read_range(found, name, text)
+    if len(names) % 2:
+        raise BadArgumentError(
+            f"--over comes in pairs, two inputs to a slice; {names[-1]} is alone"
+        )
+    found.pairs = list(zip(names[::2], names[1::2], strict=True))
+    for one, two in found.pairs:
+        if one == two:
+            raise BadArgumentError(f"a slice needs two different inputs, got {one} twice")
+    return found
+
+
+def _read_range(found: Slices, name: str, text: str) -> None:
+    parts = text.split(":")
+    if len(parts) not in (2, 3):
+        raise BadArgumentError(f"--over {name}={text}: expected {name}=lo:hi or {name}=lo:hi:n")
+    low, high = (number(part, f"--over {name}") for part in parts[:2])
+    if not low < high:
+        raise BadArgumentError(f"--over {name}: {low:g} is not below {high:g}")
+    if found.ranges.setdefault(name, (low, high)) != (low, high):
+        raise BadArgumentError(f"--over {name} is given with two ranges")
+    if len(parts) == 3:
+        if not re.fullmatch(r"[0-9]{1,6}", parts[2]):
+            raise BadArgumentError(f"--over {name}: {parts[2]!r} is not a number of points")
+        points = int(parts[2])
+        if found.points.setdefault(name, points) != points:
+            raise BadArgumentError(f"--over {name} is given with two numbers of points")
+
+
+def _settings(words: Iterable[str]) -> dict[str, str]:
+    values: dict[str, str] = {}
+    for word in words:
+        name, text = _split(word, "--set")
+        if name in values:
+            raise BadArgumentError(f"--set {name} is given twice")
+        values[name] = text
+    return values
+
+
+def _split(word: str, what: str) -> tuple[str, str]:
+    name, equals, text = word.partition("=")
+    if not (name and equals and text.strip()):
+        raise BadArgumentError(f"{what}: expected name=value, got {word!r}")
+    return name, text
+
+
+def _known_input(mechanism: Mechanism, name: str) -> None:
+    if name not in mechanism.inputs:
+        raise BadArgumentError(known_names(name, "input", mechanism.inputs))
+
+
+def all_inputs(mechanism: Mechanism, given: Mapping[str, float]) -> dict[str, float]:
+    """Values of all inputs: those given, else those of home."""
+    home = zip(mechanism.inputs, mechanism.input_values(mechanism.home), strict=True)
+    return {name: given.get(name, float(value)) for name, value in home}
+
+
+def positive(value: float, what: str) -> None:
+    """Refuse what is not a finite number above zero. Raises ``BadArgumentError``."""
+    if not (math.isfinite(value) and value > 0.0):
+        raise BadArgumentError(f"{what}: {value:g} is not above zero")
+
+
+def refuse_read_only(folder: Path) -> None:
+    """Find out before the work whether results can be written. Raises ``OSError``."""
+    with tempfile.TemporaryFile(dir=folder):
+        pass

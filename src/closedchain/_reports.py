@@ -1,0 +1,240 @@
+"""The answers of the commands, as tables or JSON."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from closedchain._terminal import pairs, print_json, say, table
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from closedchain.analysis import Classification
+    from closedchain.analysis.survey import Survey
+    from closedchain.closure import Mechanism, Solution
+
+
+def catalogue(json: bool) -> None:
+    """Robots of the catalogue."""
+    from closedchain.robots import robot, robots
+
+    entries = [robot(name) for name in robots()]
+    if json:
+        print_json(
+            [
+                {
+                    "name": entry.name,
+                    "title": entry.title,
+                    "source": entry.source,
+                    "variants": list(entry.variants),
+                }
+                for entry in entries
+            ]
+        )
+        return
+    table(
+        ("robot", "title", "source", "variants"),
+        [(e.name, e.title, e.source, " ".join(e.variants)) for e in entries],
+    )
+
+
+def info(mechanism: Mechanism, json: bool) -> None:
+    """Inputs, task, closures, parameters and mobility."""
+    import closedchain as cc
+
+    counted = cc.mobility(mechanism)
+    data = _info_data(mechanism)
+    if json:
+        numbers = {key: value for key, value in vars(counted).items() if key != "rank"}
+        rank = {"value": counted.rank.value, **_gap(counted.rank)}
+        print_json({**data, "mobility": {**numbers, "rank": rank}})
+        return
+    task = mechanism.task
+    sizes = f"{mechanism.model.nq}, {mechanism.model.nv}, {mechanism.rows}"
+    facts: dict[str, object] = {
+        "robot": mechanism.name,
+        "nq, nv, closure rows": sizes,
+        "characteristic length [m]": mechanism.length,
+        "task": "none" if task is None else f"{task.tip} against {task.base}",
+        "outputs": "none" if task is None else task.outputs,
+    }
+    if data["tip"]:
+        facts["tip at home, xyz [m]"] = data["tip"]["xyz"]
+        facts["tip at home, rpy [rad]"] = data["tip"]["rpy"]
+    pairs(facts)
+    say("")
+    table(
+        ("input", "joint", "home", "lower", "upper", "unit"),
+        [
+            [i[key] for key in ("name", "joint", "home", "lower", "upper", "unit")]
+            for i in data["inputs"]
+        ],
+    )
+    say("")
+    table(
+        ("closure", "kind", "rows", "between", "and"),
+        [[c[key] for key in ("name", "kind", "rows", "parent", "child")] for c in data["closures"]],
+    )
+    if mechanism.parameters:
+        say("")
+        table(("parameter", "value"), list(mechanism.parameters.items()))
+    say(f"\n{counted.text}")
+    for note in mechanism.description.ignored:
+        say(f"note: {note}")
+
+
+def _info_data(mechanism: Mechanism) -> dict[str, Any]:
+    from closedchain.closure import Closure
+    from closedchain.robots.viewer import input_units
+
+    joints = {joint.name: joint for joint in mechanism.description.joints}
+    driven = {spec.name: joints[spec.joint] for spec in mechanism.description.inputs}
+    home = mechanism.input_values(mechanism.home)
+    task = mechanism.task
+    return {
+        "name": mechanism.name,
+        "nq": mechanism.model.nq,
+        "nv": mechanism.model.nv,
+        "rows": mechanism.rows,
+        "length": mechanism.length,
+        "task": None if task is None else vars(task),
+        "tip": tip(mechanism, mechanism.home),
+        "inputs": [
+            {
+                "name": name,
+                "joint": driven[name].name,
+                "home": value,
+                "lower": driven[name].lower,
+                "upper": driven[name].upper,
+                "unit": unit,
+            }
+            for name, value, unit in zip(
+                mechanism.inputs, home.tolist(), input_units(mechanism), strict=True
+            )
+        ],
+        "closures": [
+            {
+                "name": c.name,
+                "kind": c.kind,
+                "rows": c.rows,
+                "parent": c.parent if isinstance(c, Closure) else c.leader,
+                "child": c.child if isinstance(c, Closure) else c.follower,
+            }
+            for c in mechanism.closures
+        ],
+        "parameters": mechanism.parameters,
+        "ignored": mechanism.description.ignored,
+    }
+
+
+def tip(mechanism: Mechanism, q: np.ndarray) -> dict[str, Any] | None:
+    """Pose of the tip, None without a task."""
+    import pinocchio as pin
+
+    if mechanism.task is None:
+        return None
+    pose = mechanism.pose(q)
+    return {
+        "frame": mechanism.task.tip,
+        "xyz": [float(x) + 0.0 for x in pose.translation],
+        "rpy": [float(x) + 0.0 for x in pin.rpy.matrixToRpy(pose.rotation)],
+    }
+
+
+def solution_data(mechanism: Mechanism, found: Solution) -> dict[str, Any]:
+    """Everything that a position solver says."""
+    model = mechanism.model
+    joints = {
+        model.names[i]: found.q[model.idx_qs[i] : model.idx_qs[i] + model.nqs[i]]
+        for i in range(1, model.njoints)
+    }
+    inputs = found.q[mechanism.input_q].tolist()
+    return {
+        "robot": mechanism.name,
+        "converged": found.converged,
+        "message": found.message,
+        "residual": found.residual,
+        "iterations": found.iterations,
+        "rank": {"value": found.rank, **_gap(found.rank_decision)},
+        "beyond_limits": found.beyond_limits,
+        "inputs": dict(zip(mechanism.inputs, inputs, strict=True)),
+        "tip": tip(mechanism, found.q),
+        "joints": joints,
+        "q": found.q,
+    }
+
+
+def solution(mechanism: Mechanism, found: Solution, more: Mapping[str, list[str]]) -> None:
+    """Inputs and tip pose of a posture."""
+    from closedchain.robots.viewer import input_units
+
+    data = solution_data(mechanism, found)
+    units = input_units(mechanism)
+    at_home = more.get("at_home", ())
+    table(
+        ("input", "value", "unit", ""),
+        [
+            (name, value, unit, "home value, not given" if name in at_home else "")
+            for (name, value), unit in zip(data["inputs"].items(), units, strict=True)
+        ],
+    )
+    say("")
+    facts: dict[str, object] = {}
+    if data["tip"]:
+        facts[f"tip {data['tip']['frame']}, xyz [m]"] = data["tip"]["xyz"]
+        facts[f"tip {data['tip']['frame']}, rpy [rad]"] = data["tip"]["rpy"]
+    if "outputs" in more:
+        facts["outputs prescribed"] = more["outputs"]
+    facts |= {"residual [m, rad]": found.residual, "solved equations": str(found.rank_decision)}
+    pairs(facts)
+    say(found.message)
+
+
+def classification(mechanism: Mechanism, q: np.ndarray, found: Classification, json: bool) -> None:
+    """Kinds of singularity of a posture, with the evidence."""
+    if json:
+        inputs = mechanism.input_values(q).tolist()
+        data = {
+            "robot": mechanism.name,
+            "inputs": dict(zip(mechanism.inputs, inputs, strict=True)),
+            **vars(found),
+            "free_twists": found.free_twists.T,  # one twist an entry
+            "lost_twists": found.lost_twists.T,
+            "combined": found.combined,
+        }
+        print_json(data)
+        return
+    table(
+        ("kind", "singular", "sigma", "determinant"),
+        [
+            ("direct", _yes("direct", found), found.sigma_direct, found.det_direct),
+            ("inverse", _yes("inverse", found), found.sigma_inverse, found.det_inverse),
+            ("constraint", _yes("constraint", found), found.sigma_constraint, None),
+        ],
+    )
+    say(f"\n{found.text}")
+
+
+def survey(found: Survey, written: Mapping[str, Path], json: bool) -> None:
+    """Summary of a survey and where its results lie."""
+    rows = found.summary()
+    if json:
+        print_json({"summary": rows, "files": {k: str(p) for k, p in written.items()}})
+        return
+    if rows:
+        table(list(rows[0]), [list(row.values()) for row in rows])
+        say("")
+    if found.text:
+        say(found.text)
+    for path in written.values():
+        say(str(path))
+
+
+def _yes(kind: str, found: Classification) -> str:
+    return "yes" if kind in found.kinds else "no"
+
+
+def _gap(rank: Any) -> dict[str, float]:
+    return {"above": rank.above, "below": rank.below}

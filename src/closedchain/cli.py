@@ -1,0 +1,323 @@
+"""The command ``closedchain``: questions to a robot of the catalogue or of a file.
+
+Heavy imports are inside the commands. Exit codes: 0, or 1 with one line on stderr, or 2 for a
+command line that cannot be parsed.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from typer.core import TyperGroup
+
+from closedchain import _arguments as arguments
+from closedchain import _reports as reports
+from closedchain._terminal import fail, print_json, say
+from closedchain.urdf.errors import ClosedChainError
+
+if TYPE_CHECKING:
+    from closedchain.closure import Mechanism, Solution
+
+
+class _Commands(TyperGroup):
+    """Commands whose expected errors become one line."""
+
+    def invoke(self, ctx: Any) -> Any:
+        try:
+            return super().invoke(ctx)
+        except BrokenPipeError:
+            raise
+        except ClosedChainError as error:
+            fail(str(error))
+        except OSError as error:
+            where = f"{error.filename}: " if error.filename else ""
+            fail(f"{where}{error.strerror or error}")
+
+
+app = typer.Typer(
+    cls=_Commands,
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+    help="Kinematics and singularities of closed-chain (parallel) manipulators.",
+)
+
+Robot = Annotated[
+    str, typer.Argument(metavar="ROBOT", help="Name in the catalogue, or a URDF or xacro file.")
+]
+Values = Annotated[
+    list[str] | None,
+    typer.Argument(
+        metavar="[INPUT=VALUE]...", help="Values of inputs [m or rad]; the others stay at home."
+    ),
+]
+Settings = Annotated[
+    list[str] | None, typer.Option("--set", metavar="NAME=VALUE", help="Parameter of the robot.")
+]
+Variant = Annotated[
+    str | None, typer.Option(metavar="NAME", help="Variant of a robot of the catalogue.")
+]
+Outputs = Annotated[
+    str | None,
+    typer.Option(metavar='"x y z rx rz"', help="Outputs; those of the robot's task by default."),
+]
+Json = Annotated[bool, typer.Option("--json", help="Print JSON.")]
+NoXacro = Annotated[
+    bool,
+    typer.Option("--no-xacro", help="Read plain URDF only; xacro in a file runs as Python code."),
+]
+Triple = tuple[float, float, float]
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        import closedchain
+
+        say(f"closedchain {closedchain.__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _common(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version.")
+    ] = False,
+) -> None:
+    pass
+
+
+@app.command("list")
+def list_robots(json: Json = False) -> None:
+    """List the robots of the catalogue."""
+    reports.catalogue(json)
+
+
+@app.command()
+def info(
+    robot: Robot,
+    settings: Settings = None,
+    variant: Variant = None,
+    no_xacro: NoXacro = False,
+    json: Json = False,
+) -> None:
+    """Inputs, task, closures, parameters and mobility of a robot."""
+    reports.info(_load(robot, settings, variant, no_xacro), json)
+
+
+@app.command()
+def direct(
+    robot: Robot,
+    values: Values = None,
+    settings: Settings = None,
+    variant: Variant = None,
+    no_xacro: NoXacro = False,
+    json: Json = False,
+) -> None:
+    """Direct position problem: tip pose for given inputs, on the assembly of home."""
+    mechanism = _load(robot, settings, variant, no_xacro)
+    given = arguments.input_values(mechanism, values or ())
+    solution = _direct(mechanism, given)
+    at_home = [name for name in mechanism.inputs if name not in given]
+    _answer(mechanism, solution, json, at_home=at_home)
+
+
+@app.command()
+def inverse(
+    robot: Robot,
+    xyz: Annotated[
+        Triple | None,
+        typer.Option(metavar="X Y Z", help="Position of the tip [m]; home's by default."),
+    ] = None,
+    rpy: Annotated[
+        Triple | None,
+        typer.Option(
+            metavar="R P Y",
+            help="Orientation of the tip, R = Rz(Y) Ry(P) Rx(R) [rad]; home's by default.",
+        ),
+    ] = None,
+    outputs: Outputs = None,
+    settings: Settings = None,
+    variant: Variant = None,
+    no_xacro: NoXacro = False,
+    json: Json = False,
+) -> None:
+    """Inverse position problem: inputs for a tip pose, on the branch of home.
+
+    Components of the pose that are no outputs are left to the mechanism.
+    """
+    import numpy as np
+    import pinocchio as pin
+
+    import closedchain as cc
+
+    mechanism = _load(robot, settings, variant, no_xacro)
+    if xyz is None and rpy is None:
+        fail("inverse needs --xyz, --rpy or both")
+    arguments.finite((*(xyz or ()), *(rpy or ())), "tip pose")
+    pose = mechanism.pose(mechanism.home)
+    rotation = pose.rotation if rpy is None else pin.rpy.rpyToMatrix(*rpy)
+    pose = pin.SE3(rotation, pose.translation if xyz is None else np.array(xyz))
+    solution = cc.inverse(mechanism, pose, outputs=outputs)
+    _answer(mechanism, solution, json, outputs=list(mechanism.outputs(outputs)))
+
+
+@app.command()
+def classify(
+    robot: Robot,
+    values: Values = None,
+    outputs: Outputs = None,
+    settings: Settings = None,
+    variant: Variant = None,
+    no_xacro: NoXacro = False,
+    json: Json = False,
+) -> None:
+    """Kinds of singularity of a posture."""
+    import closedchain as cc
+
+    mechanism = _load(robot, settings, variant, no_xacro)
+    found = _posture(mechanism, values)
+    reports.classification(mechanism, found, cc.classify(mechanism, found, outputs), json)
+
+
+@app.command()
+def view(
+    robot: Robot,
+    values: Values = None,
+    html: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Write one HTML page and exit.")
+    ] = None,
+    open_browser: Annotated[bool, typer.Option("--open", help="Open a browser.")] = False,
+    up: Annotated[
+        str | None, typer.Option(metavar="x|y|z", help="World axis that points up.")
+    ] = None,
+    settings: Settings = None,
+    variant: Variant = None,
+    no_xacro: NoXacro = False,
+) -> None:
+    """Show a posture in a browser, or write it as a page."""
+    from closedchain.robots.viewer import serve, static_page
+
+    upwards = arguments.up_axis(robot, up)
+    mechanism = _load(robot, settings, variant, no_xacro)
+    q = _posture(mechanism, values)
+    if html is not None:
+        html.write_text(static_page(mechanism, q, up=upwards), encoding="utf-8")
+        say(str(html))
+        if open_browser:
+            typer.launch(html.absolute().as_uri())
+        return
+    with serve(mechanism, q, up=upwards, open_browser=open_browser) as page:
+        say(f"{page.url}  (Ctrl-C ends)")
+        page.wait()
+
+
+@app.command()
+def urdf(
+    robot: Robot,
+    settings: Settings = None,
+    variant: Variant = None,
+    no_xacro: NoXacro = False,
+) -> None:
+    """Print the expanded URDF, whose lines error messages refer to."""
+    say(_load(robot, settings, variant, no_xacro).description.text.rstrip("\n"))
+
+
+@app.command()
+def singularities(
+    robot: Robot,
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for the results.")],
+    over: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME[=LO:HI[:N]]",
+            help="An input of a slice; two to a slice, in order (several slices may follow).",
+        ),
+    ] = None,
+    at: Annotated[
+        list[str] | None, typer.Option(metavar="NAME=VALUE", help="Value of another input.")
+    ] = None,
+    resolution: Annotated[
+        int, typer.Option(min=3, max=5000, help="Points along inputs without their own number.")
+    ] = 101,
+    span: Annotated[
+        float | None,
+        typer.Option(
+            help="Half width of ranges not given, around home "
+            "[characteristic lengths, or rad]; 1 by default."
+        ),
+    ] = None,
+    outputs: Outputs = None,
+    settings: Settings = None,
+    variant: Variant = None,
+    no_xacro: NoXacro = False,
+    json: Json = False,
+) -> None:
+    """Map the singularities over slices of the input space, into a folder."""
+    from closedchain.analysis.progress import reporting
+    from closedchain.analysis.survey import survey, write_survey
+    from closedchain.robots.viewer import static_page
+
+    mechanism = _load(robot, settings, variant, no_xacro)
+    wanted = arguments.slices(mechanism, over or ())
+    if span is not None:
+        arguments.positive(span, "--span")
+    held = arguments.input_values(mechanism, at or (), "--at")
+    for name in held:
+        if wanted.pairs and all(name in pair for pair in wanted.pairs):
+            fail(f"--at {name}: every slice varies {name} itself")
+    out.mkdir(parents=True, exist_ok=True)
+    arguments.refuse_read_only(out)
+    with reporting(True) as progress:
+        found = survey(
+            mechanism,
+            wanted.pairs or None,
+            ranges=wanted.ranges or None,
+            at=held or None,
+            resolution={name: wanted.points.get(name, resolution) for name in mechanism.inputs},
+            span=span,
+            outputs=outputs,
+            progress=progress,
+        )
+    written = write_survey(found, out)
+    page = out / f"{re.sub(r'[^A-Za-z0-9._-]', '_', mechanism.name)}.html"
+    page.write_text(static_page(mechanism, up=arguments.up_axis(robot)), encoding="utf-8")
+    reports.survey(found, {**written, page.name: page}, json)
+
+
+def _load(robot: str, settings: list[str] | None, variant: str | None, no_xacro: bool) -> Mechanism:
+    return arguments.load_robot(robot, settings or (), variant, xacro=not no_xacro)
+
+
+def _direct(mechanism: Mechanism, given: dict[str, float]) -> Solution:
+    import closedchain as cc
+
+    return cc.direct(mechanism, arguments.all_inputs(mechanism, given))
+
+
+def _posture(mechanism: Mechanism, values: list[str] | None) -> Any:
+    """Configuration with the given inputs, home where there are none."""
+    if not values:
+        return mechanism.home
+    return _direct(mechanism, arguments.input_values(mechanism, values)).raise_if_failed().q
+
+
+def _answer(mechanism: Mechanism, solution: Solution, json: bool, **more: list[str]) -> None:
+    if json:
+        print_json(reports.solution_data(mechanism, solution) | more)
+    if not solution.converged:
+        fail(solution.message)
+    if not json:
+        reports.solution(mechanism, solution, more)
+
+
+def main() -> None:
+    """Run the command line."""
+    app()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,167 @@
+import base64
+import re
+import shutil
+import subprocess
+import urllib.error
+import urllib.request
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import closedchain as cc
+from closedchain.robots import robot
+from closedchain.robots.viewer import input_units, serve, static_page
+
+CHROMIUM = next(
+    filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None
+)
+STICKS = """<robot name="&lt;two bars&gt;">
+  <link name="base"/><link name="one"/><link name="two"/>
+  <joint name="a" type="revolute"><parent link="base"/><child link="one"/>
+    <axis xyz="0 0 1"/><limit lower="-3" upper="3" effort="1" velocity="1"/></joint>
+  <joint name="b" type="revolute"><parent link="one"/><child link="two"/><origin xyz="1 0 0"/>
+    <axis xyz="0 0 1"/><limit lower="-3" upper="3" effort="1" velocity="1"/></joint>
+  <constraint name="ground" type="revolute">
+    <parent link="base"/><parent_origin xyz="1.5 0 0"/><parent_axis xyz="0 0 1"/>
+    <child link="two"/><child_origin xyz="1 0 0"/><child_axis xyz="0 0 1"/></constraint>
+  <group_state name="home"><joint name="a" value="0.7"/><joint name="b" value="-1.6"/></group_state>
+</robot>"""
+
+
+def commands(page: str) -> list[bytes]:
+    """Drawing commands inside a page."""
+    block = page[page.index("for (const command of [") :]
+    return [base64.b64decode(text) for text in re.findall(r'^"([A-Za-z0-9+/=]+)",?$', block, re.M)]
+
+
+def drawn(page: str) -> str:
+    return b"\n".join(commands(page)).decode("latin-1")
+
+
+@pytest.fixture(scope="module")
+def page(d1: cc.Mechanism) -> str:
+    return static_page(d1, up="y")
+
+
+def test_page_is_one_file_that_loads_nothing(page: str) -> None:
+    assert page.startswith("<!DOCTYPE html>")
+    assert not re.search(r"""(?:src|href)\s*=\s*["']?\s*(?:https?:)?//""", page[:100_000])
+    outside = re.sub(r"<script>.*?</script>", "", page, flags=re.S)
+    assert "http" not in outside
+    assert "url(" not in outside
+    assert "ws://" not in outside
+
+
+def test_page_holds_every_visual_of_the_robot(d1: cc.Mechanism, page: str) -> None:
+    text = drawn(page)
+    for link in d1.description.links:
+        for i in range(link.visuals):
+            assert f"/bodies/visuals/{link.name}_{i}" in text
+    assert {"active", "passive", "platform", "tool", "base"} <= set(
+        re.findall(r"</i>(\w+)</p>", page)
+    )
+
+
+def test_page_shows_name_inputs_and_tip(page: str) -> None:
+    assert "<h1>d1</h1>" in page
+    assert "q1 0.522 m" in page
+    assert "tip T at (0, -1, 0) m" in page
+
+
+def test_mechanism_without_visuals_is_drawn_as_sticks() -> None:
+    mechanism = cc.load_urdf(STICKS)
+    page = static_page(mechanism)
+    text = drawn(page)
+    assert text.count("CylinderGeometry") == 3  # one bar each, the base among them
+    assert text.count("SphereGeometry") == 4
+    assert "no visuals" in page
+    assert "<h1>&lt;two bars&gt;</h1>" in page
+
+
+def test_visuals_that_cannot_be_read_fall_back_to_sticks(d1: cc.Mechanism) -> None:
+    mesh = '<visual><geometry><mesh filename="none.stl"/></geometry></visual>'
+    mechanism = cc.load_urdf(
+        STICKS.replace('<link name="one"/>', f'<link name="one">{mesh}</link>')
+    )
+    page = static_page(mechanism)
+    assert "drawn as sticks" in page
+    assert "CylinderGeometry" in drawn(page)
+
+
+def test_posture_moves_the_drawing(d1: cc.Mechanism, page: str) -> None:
+    q = cc.direct(d1, d1.input_values(d1.home) + 0.01).raise_if_failed().q
+    assert commands(static_page(d1, q, up="y")) != commands(page)
+    with pytest.raises(cc.ClosureError, match="shape"):
+        static_page(d1, np.zeros(3))
+
+
+def test_served_page_is_the_same_and_the_address_dies_with_close(
+    d1: cc.Mechanism, page: str
+) -> None:
+    with serve(d1, up="y") as served:
+        url = served.url
+        assert url.startswith("http://127.0.0.1:")
+        with urllib.request.urlopen(url, timeout=5) as answer:
+            assert answer.read().decode() == page
+        with pytest.raises(urllib.error.HTTPError) as missing:
+            urllib.request.urlopen(url + "etc/passwd", timeout=5)
+        missing.value.close()
+    with pytest.raises(urllib.error.URLError):
+        urllib.request.urlopen(url, timeout=5)
+
+
+def test_no_process_is_left_over(d1: cc.Mechanism) -> None:
+    def children() -> set[str]:
+        return set(Path("/proc/self/task").glob("*/children")) and {
+            pid
+            for path in Path("/proc/self/task").glob("*/children")
+            for pid in path.read_text().split()
+        }
+
+    if not Path("/proc/self/task").is_dir():
+        pytest.skip("needs /proc")
+    before = children()
+    static_page(d1)
+    with pytest.raises(cc.ClosureError), serve(d1):
+        raise cc.ClosureError("a failure while serving")
+    assert children() <= before
+
+
+def test_units_of_inputs(d1: cc.Mechanism) -> None:
+    assert input_units(d1) == ("m",) * 6
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["d1", "sticks"])
+def test_browser_renders_the_page(name: str, tmp_path: Path) -> None:
+    if CHROMIUM is None:
+        pytest.skip("no chromium, chromium-browser or google-chrome is installed")
+    from PIL import Image
+
+    mechanism = cc.load_urdf(STICKS) if name == "sticks" else cc.load(name)
+    up = "z" if name == "sticks" else robot(name).up
+    (tmp_path / "page.html").write_text(static_page(mechanism, up=up))
+    picture = tmp_path / "page.png"
+    subprocess.run(
+        [
+            *(CHROMIUM, "--headless=new", "--no-sandbox", "--disable-gpu", "--no-first-run"),
+            *("--disable-background-networking", f"--user-data-dir={tmp_path / 'profile'}"),
+            *("--hide-scrollbars", "--window-size=800,600", "--virtual-time-budget=5000"),
+            *(f"--screenshot={picture}", (tmp_path / "page.html").as_uri()),
+        ],
+        check=True,
+        timeout=120,
+        capture_output=True,
+    )
+    with Image.open(picture) as image:
+        pixels = np.asarray(image.convert("RGB")).astype(int)
+    pixels[:150, :340] = 255  # the legend
+    coloured = np.ptp(pixels, axis=2) > 60  # neither background nor grey
+    rows, columns = np.nonzero(coloured)
+    assert coloured.sum() > 150
+    assert rows.min() > 0
+    assert rows.max() < 599
+    assert columns.min() > 0
+    assert columns.max() < 799
+    assert np.ptp(columns) > 60
