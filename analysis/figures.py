@@ -65,7 +65,8 @@ def _draw_slice(result: Survey, part: Slice, ax: Axes, measure: str, kind: str) 
             alpha=0.35,
             rasterized=True,
         )
-        ax.set_title(f"{kind}ly singular everywhere in this slice", fontsize=10)
+        other = "inverse" if kind == "direct" else "direct"
+        ax.set_title(f"{kind}ly singular everywhere: the {other} curve is combined", fontsize=10)
     else:
         mesh = ax.pcolormesh(x, y, values.T, cmap="cividis", vmin=0.0, rasterized=True)
         ax.figure.colorbar(mesh, ax=ax, label=f"{_SYMBOLS[measure]} (dimensionless)")

@@ -103,6 +103,6 @@ def _text(mechanism: Mechanism, outputs: tuple[str, ...], inputs: np.ndarray, ra
         if not column.any():
             lines.append("  a motion with all inputs at rest (direct singularity)")
             continue
-        rates = zip(mechanism.inputs, column, strict=True)
+        rates = zip(mechanism.inputs, column.round(12) + 0.0, strict=True)  # no -0
         lines.append("  input rates " + ", ".join(f"{n} {x:+.4f}" for n, x in rates))
     return "\n".join(lines)

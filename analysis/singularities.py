@@ -102,6 +102,7 @@ def classify(
     if "inverse" in kinds:
         possible, _ = null_space(at.K, tolerance)
         lost, _ = null_space((at.J @ possible).T, tolerance)
+        lost *= np.sign(lost[np.abs(lost).argmax(axis=0), range(lost.shape[1])])
     return Classification(
         kinds=kinds,
         sigma_direct=sigma["direct"],

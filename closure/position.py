@@ -161,13 +161,10 @@ def _by_descent(
         if best is None or found.residual < best.residual or good:
             best = found
         if good:
-            solution = _solution(
-                equations,
-                Corrected(found.q, found.residual, None, evaluations),
-                evaluations,
-            )
+            corrected = Corrected(found.q, found.residual, None, evaluations)
+            solution = _solution(equations, corrected, evaluations, f"by descent; {why}")
             if branchless:
-                return replace(solution, message=f"{solution.message} ({why})")
+                return solution
             message = f"{why}; another branch reaches the pose: give a guess on it"
             return replace(solution, converged=False, message=message)
     assert best is not None
@@ -219,11 +216,16 @@ def _on_branch(equations: Equations, q: np.ndarray) -> Corrected | None:
     return first if first.refusal is None else None
 
 
-def _solution(equations: Equations, found: Corrected, evaluations: int) -> Solution:
+def _solution(
+    equations: Equations,
+    found: Corrected,
+    evaluations: int,
+    how: str = "on the branch of the guess",
+) -> Solution:
     mechanism = equations.mechanism
     beyond = beyond_limits(mechanism, found.q)
     flipped = flipped_axes(mechanism, found.q) if mechanism.workspace.axes else []
-    message = f"closed to {found.residual:.1e} on the branch of the guess{limit_note(beyond)}"
+    message = f"closed to {found.residual:.1e} {how}{limit_note(beyond)}"
     if flipped:
         message = f"closes only with a mirrored joint: closure {', '.join(flipped)}"
     return Solution(

@@ -61,7 +61,7 @@ def draw(
 
     view = meshcat.Visualizer(window=recorder)
     visuals, note = _visuals(mechanism)
-    points = _sticks(view, mechanism, q, thin=visuals is not None)
+    points = [_sticks(view, mechanism, q, visuals)]
     if visuals is not None:
         points.append(_show_visuals(view, mechanism, visuals, q))
     _look_at(view, np.vstack(points) @ _TO_Z[up].T, _TO_Z[up])
@@ -73,9 +73,9 @@ def _visuals(mechanism: Mechanism) -> tuple[pin.GeometryModel | None, str]:
     if not any(link.visuals for link in mechanism.description.links):
         return None, "no visuals: drawn as sticks between the joints"
     try:
-        model = pin.buildGeomFromUrdfString(
-            mechanism.model, mechanism.description.text, pin.GeometryType.VISUAL
-        )
+        # Pinocchio's parser knows no capsules
+        text = re.sub(r"<(/?)capsule\b", r"<\1cylinder", mechanism.description.text)
+        model = pin.buildGeomFromUrdfString(mechanism.model, text, pin.GeometryType.VISUAL)
     except (ValueError, RuntimeError) as error:
         return None, f"drawn as sticks: the visuals cannot be read ({str(error).strip()[:200]})"
     return model, ""
@@ -101,57 +101,44 @@ def _show_visuals(
     return np.array(corners).reshape(-1, 3)
 
 
-def _sticks(view: Any, mechanism: Mechanism, q: np.ndarray, thin: bool) -> list[np.ndarray]:
-    """Draw straight sticks inside the bodies; only those of the base where ``thin``.
+def _sticks(
+    view: Any, mechanism: Mechanism, q: np.ndarray, visuals: pin.GeometryModel | None
+) -> np.ndarray:
+    """Draw straight sticks in the bodies without visuals and in the base: joint to joint.
 
-    Returns the ends of all sticks in the world, each (n, 3).
+    Without any visuals the joints are drawn too. Returns all joints and points, (n, 3) [m].
     """
     import meshcat.geometry as shapes
 
     spots = {name: mechanism.point(q, name) for name in mechanism.frame_ids}
-    description = mechanism.description
-    floating = {j.child for j in description.joints if j.type == "floating"}
-    sticks = [
-        (spots[j.parent], spots[j.child]) for j in description.joints if j.child not in floating
-    ]
-    if thin:
-        base = _fixed_links(mechanism)
-        sticks = [
-            (spots[j.parent], spots[j.child])
-            for j in description.joints
-            if j.parent in base and j.child not in floating
-        ]
+    body = {n: mechanism.model.frames[i].parentJoint for n, i in mechanism.frame_ids.items()}
+    dressed = set() if visuals is None else {o.parentJoint for o in visuals.geometryObjects} - {0}
+    joints = [j for j in mechanism.description.joints if j.type != "floating"]
+    sticks = [(j.parent, spots[j.child]) for j in joints]
     closed = []
     for closure in mechanism.closures:
-        if isinstance(closure, Closure) and not thin:
+        if isinstance(closure, Closure):
             ends = _closure_points(mechanism, closure)
             closed += list(ends)
-            sticks += [(spots[closure.parent], ends[0]), (spots[closure.child], ends[1])]
+            sticks += zip((closure.parent, closure.child), ends, strict=True)
     every = np.array([*spots.values(), *closed])
     radius = 0.5 * float(np.linalg.norm(np.ptp(every, axis=0))) or mechanism.length
-    width = radius * (0.005 if thin else 0.011)
+    width = radius * (0.011 if visuals is None else 0.005)
     material = shapes.MeshLambertMaterial(color=_STICK)
-    for i, (begin, end) in enumerate(sticks):
-        length = float(np.linalg.norm(end - begin))
-        if length > 1e-6 * radius:
+    for i, (link, end) in enumerate(sticks):
+        length = float(np.linalg.norm(end - spots[link]))
+        if length > 1e-6 * radius and body[link] not in dressed:
             node = view["robot"]["sticks"][str(i)]
             node.set_object(shapes.Cylinder(length, width), material)
-            node.set_transform(_along(begin, end))
-    if not thin:
-        moved = {j.child for j in description.joints if j.type not in ("fixed", "floating")}
-        balls = [(spots[name], _JOINT) for name in spots if name in moved]
+            node.set_transform(_along(spots[link], end))
+    if visuals is None:
+        balls = [(spots[j.child], _JOINT) for j in joints if j.type != "fixed"]
         balls += [(spot, _CLOSURE) for spot in closed]
         for i, (spot, colour) in enumerate(balls):
             node = view["robot"]["joints"][str(i)]
             node.set_object(shapes.Sphere(2.2 * width), shapes.MeshLambertMaterial(color=colour))
             node.set_transform(_at(spot))
-    return [every]
-
-
-def _fixed_links(mechanism: Mechanism) -> set[str]:
-    """Links that are one body with the root."""
-    frames = mechanism.model.frames
-    return {name for name, i in mechanism.frame_ids.items() if frames[i].parentJoint == 0}
+    return every
 
 
 def _closure_points(mechanism: Mechanism, closure: Closure) -> tuple[np.ndarray, np.ndarray]:

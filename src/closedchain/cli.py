@@ -15,6 +15,16 @@ from typer.core import TyperGroup
 
 from closedchain import _arguments as arguments
 from closedchain import _reports as reports
+from closedchain._options import (
+    Json,
+    NoXacro,
+    Outputs,
+    Robot,
+    Settings,
+    Triple,
+    Values,
+    Variant,
+)
 from closedchain._terminal import fail, print_json, say
 from closedchain.urdf.errors import ClosedChainError
 
@@ -45,32 +55,6 @@ app = typer.Typer(
     rich_markup_mode=None,
     help="Kinematics and singularities of closed-chain (parallel) manipulators.",
 )
-
-Robot = Annotated[
-    str, typer.Argument(metavar="ROBOT", help="Name in the catalogue, or a URDF or xacro file.")
-]
-Values = Annotated[
-    list[str] | None,
-    typer.Argument(
-        metavar="[INPUT=VALUE]...", help="Values of inputs [m or rad]; the others stay at home."
-    ),
-]
-Settings = Annotated[
-    list[str] | None, typer.Option("--set", metavar="NAME=VALUE", help="Parameter of the robot.")
-]
-Variant = Annotated[
-    str | None, typer.Option(metavar="NAME", help="Variant of a robot of the catalogue.")
-]
-Outputs = Annotated[
-    str | None,
-    typer.Option(metavar='"x y z rx rz"', help="Outputs; those of the robot's task by default."),
-]
-Json = Annotated[bool, typer.Option("--json", help="Print JSON.")]
-NoXacro = Annotated[
-    bool,
-    typer.Option("--no-xacro", help="Read plain URDF only; xacro in a file runs as Python code."),
-]
-Triple = tuple[float, float, float]
 
 
 def _version(wanted: bool) -> None:

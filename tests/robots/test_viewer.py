@@ -89,6 +89,18 @@ def test_visuals_that_cannot_be_read_fall_back_to_sticks(d1: cc.Mechanism) -> No
     assert "CylinderGeometry" in drawn(page)
 
 
+def test_bodies_without_visuals_are_sticks_among_the_others(
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    shape = '<visual><geometry><capsule radius="0.1" length="1"/></geometry></visual>'
+    text = STICKS.replace('<link name="one"/>', f'<link name="one">{shape}</link>')
+    drawing = drawn(static_page(cc.load_urdf(text)))
+    assert "/bodies/visuals/one_0" in drawing
+    assert drawing.count("CylinderGeometry") == 3  # the capsule, and sticks for two and the base
+    assert "SphereGeometry" not in drawing
+    assert capfd.readouterr() == ("", "")
+
+
 def test_posture_moves_the_drawing(d1: cc.Mechanism, page: str) -> None:
     q = cc.direct(d1, d1.input_values(d1.home) + 0.01).raise_if_failed().q
     assert commands(static_page(d1, q, up="y")) != commands(page)
