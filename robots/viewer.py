@@ -17,7 +17,6 @@ from types import TracebackType
 from typing import Literal
 
 import numpy as np
-import pinocchio as pin
 from lxml import etree
 from numpy.typing import ArrayLike
 
@@ -171,7 +170,7 @@ def _legend(mechanism: Mechanism, q: np.ndarray, note: str) -> str:
         )
         lines.append(", ".join(f"{name} {value:.4g} {unit}" for name, value, unit in values))
     if mechanism.task is not None:
-        x, y, z = pin.SE3(mechanism.pose(q)).translation
+        x, y, z = np.round(mechanism.pose(q).translation, 9) + 0.0
         lines.append(f"tip {mechanism.task.tip} at ({x:.4g}, {y:.4g}, {z:.4g}) m")
     paragraphs = [f"<p>{html.escape(line)}</p>" for line in (*lines, note) if line]
     for name, colour in _colours(mechanism).items():

@@ -34,8 +34,9 @@ def test_import_loads_nothing_heavy() -> None:
 
 @pytest.mark.slow
 def test_import_is_quick() -> None:
+    """In seconds of processor time, which other work on the machine does not lengthen much."""
     code = (
-        "import time; t = time.perf_counter(); import closedchain; print(time.perf_counter() - t)"
+        "import time; t = time.process_time(); import closedchain; print(time.process_time() - t)"
     )
     assert min(float(run(code).stdout) for _ in range(3)) < 0.5
 

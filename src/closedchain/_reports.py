@@ -61,8 +61,8 @@ def info(mechanism: Mechanism, json: bool) -> None:
         "outputs": "none" if task is None else task.outputs,
     }
     if data["tip"]:
-        facts["tip at home, xyz [m]"] = data["tip"]["xyz"]
-        facts["tip at home, rpy [rad]"] = data["tip"]["rpy"]
+        facts["tip at home, xyz [m]"] = _tidy(data["tip"]["xyz"])
+        facts["tip at home, rpy [rad]"] = _tidy(data["tip"]["rpy"])
     pairs(facts)
     say("")
     table(
@@ -183,8 +183,8 @@ def solution(mechanism: Mechanism, found: Solution, more: Mapping[str, list[str]
     say("")
     facts: dict[str, object] = {}
     if data["tip"]:
-        facts[f"tip {data['tip']['frame']}, xyz [m]"] = data["tip"]["xyz"]
-        facts[f"tip {data['tip']['frame']}, rpy [rad]"] = data["tip"]["rpy"]
+        facts[f"tip {data['tip']['frame']}, xyz [m]"] = _tidy(data["tip"]["xyz"])
+        facts[f"tip {data['tip']['frame']}, rpy [rad]"] = _tidy(data["tip"]["rpy"])
     if "outputs" in more:
         facts["outputs prescribed"] = more["outputs"]
     facts |= {"residual [m, rad]": found.residual, "solved equations": str(found.rank_decision)}
@@ -238,3 +238,8 @@ def _yes(kind: str, found: Classification) -> str:
 
 def _gap(rank: Any) -> dict[str, float]:
     return {"above": rank.above, "below": rank.below}
+
+
+def _tidy(numbers: list[float]) -> list[float]:
+    """Rounding errors as zeros, for a reader."""
+    return [0.0 if abs(x) < 1e-12 else x for x in numbers]
