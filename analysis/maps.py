@@ -146,8 +146,9 @@ def dataset(
     import closedchain
 
     grid = walked.grid
+    units = dict(zip(mechanism.inputs, mechanism.input_units, strict=True))
     coordinates = {
-        name: (name, values, {"units": unit(mechanism, name), "long_name": f"input {name}"})
+        name: (name, values, {"units": units[name], "long_name": f"input {name}"})
         for name, values in zip(grid.names, grid.values, strict=True)
     }
     meanings = {
@@ -156,8 +157,8 @@ def dataset(
     }
     variables = {"status": (grid.names, walked.status, meanings)}
     for name, values in columns.items():
-        units = "m or rad" if name == "residual" else "1"
-        variables[name] = (grid.names, values, {"units": units, "long_name": _LONG_NAMES[name]})
+        labels: dict[str, object] = {"units": "m or rad" if name == "residual" else "1"}
+        variables[name] = (grid.names, values, {**labels, "long_name": _LONG_NAMES[name]})
     if keep_q:
         valid = np.where((walked.status == OK)[..., None], walked.q, np.nan)
         variables["q"] = ((*grid.names, "nq"), valid, {"long_name": "configuration"})
@@ -182,19 +183,4 @@ def dataset(
     )
 
 
-def unit(mechanism: Mechanism, input_name: str) -> str:
-    """Unit of an input: m or rad."""
-    joint = mechanism.inputs.index(input_name)
-    return (
-        "rad"
-        if mechanism.column_scale[mechanism.input_v[joint]] == 1.0 and not _slides(mechanism, joint)
-        else "m"
-    )
-
-
-def _slides(mechanism: Mechanism, joint: int) -> bool:
-    kind = mechanism.model.joints[mechanism._input_joints[joint]].shortname()
-    return "Prismatic" in kind or kind in {"JointModelPX", "JointModelPY", "JointModelPZ"}
-
-
-__all__ = ["CHUNK", "KINDS", "Grid", "dataset", "evaluate", "singularity_map", "unit"]
+__all__ = ["CHUNK", "KINDS", "Grid", "dataset", "evaluate", "singularity_map"]

@@ -19,7 +19,7 @@ from closedchain.urdf.description import Description, Joint
 
 SAMPLES = 8
 SPREAD = 0.15  # dimensionless standard deviation of the guesses around home
-_SYMBOLS = {
+PAIR_SYMBOLS = {
     "revolute": "R",
     "continuous": "R",
     "prismatic": "P",
@@ -142,23 +142,24 @@ def _bodies(description: Description) -> int:
 
 def _pairs(description: Description) -> tuple[Counter[str], int]:
     """Pairs by symbol, and the number of cross links swallowed by universal joints."""
-    crosses = [j for j in description.joints if _is_cross(description, j)]
+    crosses = [j for j in description.joints if is_cross_link(description, j)]
     counts: Counter[str] = Counter()
     for joint in description.joints:
-        if joint.type in _SYMBOLS and joint.type != "fixed":
-            counts[_SYMBOLS[joint.type]] += 1
+        if joint.type in PAIR_SYMBOLS and joint.type != "fixed":
+            counts[PAIR_SYMBOLS[joint.type]] += 1
     counts["R"] -= 2 * len(crosses)
     counts["U"] += len(crosses)
     for closure in description.closures:
-        counts[_SYMBOLS[closure.type]] += 1
+        counts[PAIR_SYMBOLS[closure.type]] += 1
     return Counter({symbol: n for symbol, n in counts.items() if n}), len(crosses)
 
 
-def _is_cross(description: Description, joint: Joint) -> bool:
+def is_cross_link(description: Description, joint: Joint) -> bool:
     """Whether the joint's child is the cross link of a universal joint.
 
     That is: a body without anything else on it that carries one revolute joint, whose axis meets
-    the joint's own axis at a right angle.
+    the joint's own axis at a right angle. Two joints that are both inputs are two pairs, with a
+    body between them that one drive moves and the other stands on.
     """
     if joint.type != "revolute":
         return False
@@ -167,6 +168,8 @@ def _is_cross(description: Description, joint: Joint) -> bool:
     if len(following) != 1 or following[0].type != "revolute" or joint.child in used:
         return False
     second = following[0]
+    if {joint.name, second.name} <= {spec.joint for spec in description.inputs}:
+        return False
     from closedchain.closure.tree import se3
 
     axis = se3(second.origin).rotation @ np.array(second.axis)
@@ -176,7 +179,7 @@ def _is_cross(description: Description, joint: Joint) -> bool:
 
 
 def _freedoms(symbol: str) -> int:
-    kinds = {_SYMBOLS[kind]: freedoms for kind, freedoms in FREEDOMS.items()}
+    kinds = {PAIR_SYMBOLS[kind]: freedoms for kind, freedoms in FREEDOMS.items()}
     return kinds[symbol]
 
 

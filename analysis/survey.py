@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from closedchain.analysis.curves import SingularitySet, curves_of, meeting_points
-from closedchain.analysis.maps import dataset, evaluate, unit
+from closedchain.analysis.maps import dataset, evaluate
 from closedchain.analysis.redundancy import Redundancy, redundancy
 from closedchain.analysis.walk import STATUSES, Progress, grid_of, walk
 from closedchain.closure.mechanism import Mechanism
@@ -106,7 +106,7 @@ def survey(
     ranges : mapping of input name to (lowest, highest) value [m or rad], optional
         ``span`` around home by default.
     at : mapping of input name to value [m or rad], optional
-        Held inputs; home by default.
+        Inputs held where a slice does not vary them; home by default.
     resolution : int or mapping of input name to int
         Cells along an axis.
     span : float, optional
@@ -119,13 +119,13 @@ def survey(
     Raises
     ------
     ClosureError
-        Unknown inputs, bad ranges or resolution, fewer than two inputs, a slice that holds an
-        input which it also varies, a start that cannot be reached.
+        Unknown inputs, bad ranges or resolution, fewer than two inputs, an input held that
+        every slice varies, a start that cannot be reached.
     """
     names = mechanism.outputs(outputs)
     pairs = list(slices) if slices is not None else _default_slices(mechanism)
     ranges, at = dict(ranges or {}), dict(at or {})
-    _check(mechanism, pairs, ranges)
+    _check(mechanism, pairs, ranges, at)
     parts = []
     for pair in pairs:
         axes = {
@@ -173,7 +173,7 @@ def _write_points(result: Survey, path: Path) -> None:
     mechanism = result.mechanism
     header = [
         *("slice", "set", "piece", "kinds"),
-        *(f"{name} [{unit(mechanism, name)}]" for name in mechanism.inputs),
+        *(f"{n} [{u}]" for n, u in zip(mechanism.inputs, mechanism.input_units, strict=True)),
         *("sigma_direct", "sigma_inverse", "sigma_constraint"),
         *(f"q[{i}]" for i in range(mechanism.model.nq)),
     ]
@@ -212,13 +212,17 @@ def _check(
     mechanism: Mechanism,
     pairs: Sequence[tuple[str, str]],
     ranges: Mapping[str, tuple[float, float]],
+    at: Mapping[str, float],
 ) -> None:
-    for name in [*(n for pair in pairs for n in pair), *ranges]:
+    for name in [*(n for pair in pairs for n in pair), *ranges, *at]:
         if name not in mechanism.inputs:
             raise ClosureError(known_names(name, "input", mechanism.inputs))
     for pair in pairs:
         if len(pair) != 2 or pair[0] == pair[1]:
             raise ClosureError(f"a slice needs two different inputs, got {' '.join(pair)}")
+    for name in at:
+        if all(name in pair for pair in pairs):
+            raise ClosureError(f"input {name!r} is held, but every slice varies it")
 
 
 def _cells(resolution: int | Mapping[str, int], name: str) -> int:

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cache, cached_property
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from scipy.linalg import lapack
 
 from closedchain.closure.mechanism import Mechanism
 from closedchain.closure.ranks import rank_of_singular_values
@@ -77,6 +77,14 @@ class Equations:
         return q if self.within is None else np.clip(q, *self.within)
 
 
+@cache
+def _lapack() -> Any:
+    """SciPy's LAPACK, imported at the first solve: it takes half the time of ``import``."""
+    from scipy.linalg import lapack
+
+    return lapack
+
+
 @dataclass(frozen=True, eq=False)
 class Factors:
     """LU factors of a square dimensionless Jacobian; ``sign`` is that of its determinant.
@@ -91,7 +99,7 @@ class Factors:
     @classmethod
     def of(cls, matrix: np.ndarray) -> Factors:
         """Factorise (n, n)."""
-        lu, pivots, info = lapack.dgetrf(matrix)
+        lu, pivots, info = _lapack().dgetrf(matrix)
         diagonal = lu.diagonal()
         size = np.abs(diagonal)
         if info != 0 or size.min() < PIVOT_LIMIT * size.max():
@@ -102,7 +110,7 @@ class Factors:
 
     def step(self, values: np.ndarray) -> np.ndarray:
         """Newton step (n,) for residual ``values`` (n,)."""
-        return -lapack.dgetrs(self.lu, self.pivots, values)[0]
+        return -_lapack().dgetrs(self.lu, self.pivots, values)[0]
 
 
 @dataclass(frozen=True, eq=False)

@@ -130,6 +130,13 @@ class Mechanism:
         return np.array([self.model.idx_vs[j] for j in self._input_joints], dtype=int)
 
     @cached_property
+    def input_units(self) -> tuple[str, ...]:
+        """Unit of each input, "m" or "rad"."""
+        kinds = {joint.name: joint.type for joint in self.description.joints}
+        driven = {spec.name: kinds[spec.joint] for spec in self.description.inputs}
+        return tuple("m" if driven[name] == "prismatic" else "rad" for name in self.inputs)
+
+    @cached_property
     def passive_v(self) -> np.ndarray:
         """Indices in ``v`` of everything that is no input, shape (nv - n_inputs,)."""
         return np.setdiff1d(np.arange(self.model.nv), self.input_v)

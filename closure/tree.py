@@ -9,6 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 from closedchain.urdf.description import Description, Inertial, Joint, Origin
+from closedchain.urdf.errors import DescriptionError
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +43,7 @@ def build_tree(description: Description) -> Tree:
         frame = model.addBodyFrame(link, joint_id, placement, previous_frame)
         inertial = inertials[link]
         if inertial is not None and joint_id > 0:
-            model.appendBodyToJoint(joint_id, _inertia(inertial), placement)
+            model.appendBodyToJoint(joint_id, _inertia(link, inertial), placement)
         pending.extend((joint, int(frame)) for joint in reversed(children.get(link, [])))
 
     pending: list[tuple[Joint, int]] = []
@@ -88,7 +89,7 @@ def _add_joint(model: pin.Model, joint: Joint, parent: int, placement: pin.SE3) 
     )
 
 
-def _inertia(inertial: Inertial) -> pin.Inertia:
+def _inertia(link: str, inertial: Inertial) -> pin.Inertia:
     about_centre = np.array(
         [
             [inertial.ixx, inertial.ixy, inertial.ixz],
@@ -96,6 +97,17 @@ def _inertia(inertial: Inertial) -> pin.Inertia:
             [inertial.ixz, inertial.iyz, inertial.izz],
         ]
     )
+    moments, axes = np.linalg.eigh(about_centre)
+    if inertial.mass < 0.0 or moments[0] < -1e-9 * max(abs(moments[-1]), 1e-12):
+        raise DescriptionError(
+            f"mass {inertial.mass:g} with principal moments {moments[0]:.3g} to {moments[-1]:.3g} "
+            "is no inertia of a body: they must not be negative",
+            element="inertial",
+            name=link,
+        )
     pose = se3(inertial.origin)
-    rotated = pose.rotation @ about_centre @ pose.rotation.T
+    axes = pose.rotation @ axes
+    rotated = (axes * np.maximum(moments, 0.0)) @ axes.T
+    # Pinocchio refuses a diagonal that rounding made negative
+    np.fill_diagonal(rotated, np.maximum(rotated.diagonal(), 0.0))
     return pin.Inertia(inertial.mass, pose.translation, rotated)

@@ -155,18 +155,11 @@ class Served:
         self.close()
 
 
-def input_units(mechanism: Mechanism) -> tuple[str, ...]:
-    """Unit of each input, "m" or "rad"."""
-    kinds = {joint.name: joint.type for joint in mechanism.description.joints}
-    driven = {spec.name: kinds[spec.joint] for spec in mechanism.description.inputs}
-    return tuple("m" if driven[name] == "prismatic" else "rad" for name in mechanism.inputs)
-
-
 def _legend(mechanism: Mechanism, q: np.ndarray, note: str) -> str:
     lines = []
     if mechanism.inputs:
         values = zip(
-            mechanism.inputs, mechanism.input_values(q), input_units(mechanism), strict=True
+            mechanism.inputs, mechanism.input_values(q), mechanism.input_units, strict=True
         )
         lines.append(", ".join(f"{name} {value:.4g} {unit}" for name, value, unit in values))
     if mechanism.task is not None:

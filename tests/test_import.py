@@ -34,11 +34,16 @@ def test_import_loads_nothing_heavy() -> None:
 
 @pytest.mark.slow
 def test_import_is_quick() -> None:
-    """In seconds of processor time, which other work on the machine does not lengthen much."""
-    code = (
+    """About 0.4 s on an idle machine, most of it Pinocchio and scipy.linalg.
+
+    In processor time, best of three; the limits leave room for a machine that does other work.
+    """
+    clock = (
         "import time; t = time.process_time(); import closedchain; print(time.process_time() - t)"
     )
-    assert min(float(run(code).stdout) for _ in range(3)) < 0.5
+    ours = f"import numpy, pinocchio, scipy.linalg, lxml.etree; {clock}"
+    assert min(float(run(ours).stdout) for _ in range(3)) < 0.2
+    assert min(float(run(clock).stdout) for _ in range(3)) < 0.8
 
 
 def test_every_public_name_exists_once() -> None:

@@ -47,6 +47,25 @@ def argument_text(name: str, value: object) -> str:
     )
 
 
+def check_like_default(name: str, text: str, default: str) -> None:
+    """Refuse a value that is no number, or another count of numbers, where the default is one.
+
+    Expressions ($) are left to xacro.
+
+    Raises
+    ------
+    DescriptionError
+        Naming the parameter and what its default looks like.
+    """
+    expected, words = default.split(), text.split()
+    if "$" in text or not expected or not all(NUMBER.fullmatch(word) for word in expected):
+        return
+    if len(words) == len(expected) and all(NUMBER.fullmatch(word) for word in words):
+        return
+    what = "a number" if len(expected) == 1 else f"{len(expected)} numbers"
+    raise DescriptionError(f"parameter {name!r} must be {what} like {default!r}, got {text!r}")
+
+
 def value_in_force(given: object, text: str) -> ParameterValue:
     """Value that a caller sees: the bool that was given, else a number where the text is one.
 

@@ -28,7 +28,7 @@ from pathlib import Path
 from types import MappingProxyType, SimpleNamespace
 from typing import Any
 
-from closedchain.urdf._parameters import argument_text, value_in_force
+from closedchain.urdf._parameters import argument_text, check_like_default, value_in_force
 from closedchain.urdf._scan import Scan, scan
 from closedchain.urdf.description import ParameterValue
 from closedchain.urdf.errors import DescriptionError, known_names
@@ -185,6 +185,7 @@ def _run(text: str, file: str | None, values: dict[str, str]) -> tuple[str, tupl
     import xacro
 
     seen: dict[str, bool] = {}  # argument -> has a default
+    given = dict(values)  # before xacro adds the defaults
 
     def parse(inp: object, filename: str) -> xml.dom.minidom.Document:
         """Read an included file: xacro's own ``parse`` with our refusals."""
@@ -199,7 +200,7 @@ def _run(text: str, file: str | None, values: dict[str, str]) -> tuple[str, tupl
             raise xacro.XacroException(
                 f"cannot read the included file {filename!r}:", exc=error
             ) from None
-        return _document(content, filename, seen)
+        return _document(content, filename, seen, given)
 
     def warning(*words: object, **_: object) -> None:
         message = " ".join(map(str, words))
@@ -209,7 +210,7 @@ def _run(text: str, file: str | None, values: dict[str, str]) -> tuple[str, tupl
 
     with _xacro_state(xacro, file, parse, warning):
         try:
-            document = _document(text, file, seen)
+            document = _document(text, file, seen, given)
             xacro.process_doc(document, mappings=values, verbosity=0)
             return str(document.toprettyxml(indent="  ")), tuple(seen)
         except DescriptionError:
@@ -218,8 +219,10 @@ def _run(text: str, file: str | None, values: dict[str, str]) -> tuple[str, tupl
             raise DescriptionError(_message(error, seen) + _place(xacro)) from None
 
 
-def _document(text: str, file: str | None, seen: dict[str, bool]) -> xml.dom.minidom.Document:
-    """Parse one file and note its arguments."""
+def _document(
+    text: str, file: str | None, seen: dict[str, bool], given: Mapping[str, str]
+) -> xml.dom.minidom.Document:
+    """Parse one file, note its arguments and check the values given for them."""
     scan(text, file)
     try:
         document = xml.dom.minidom.parseString(text)
@@ -230,6 +233,8 @@ def _document(text: str, file: str | None, seen: dict[str, bool]) -> xml.dom.min
     for argument in document.getElementsByTagName("xacro:arg"):
         name = argument.getAttribute("name")
         has_default = argument.hasAttribute("default")
+        if has_default and name in given:
+            check_like_default(name, given[name], argument.getAttribute("default"))
         if name and name != _MACROS:
             seen[name] = seen.get(name, False) or has_default
         if name and not has_default:

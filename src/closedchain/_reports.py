@@ -87,7 +87,6 @@ def info(mechanism: Mechanism, json: bool) -> None:
 
 def _info_data(mechanism: Mechanism) -> dict[str, Any]:
     from closedchain.closure import Closure
-    from closedchain.robots.viewer import input_units
 
     joints = {joint.name: joint for joint in mechanism.description.joints}
     driven = {spec.name: joints[spec.joint] for spec in mechanism.description.inputs}
@@ -111,7 +110,7 @@ def _info_data(mechanism: Mechanism) -> dict[str, Any]:
                 "unit": unit,
             }
             for name, value, unit in zip(
-                mechanism.inputs, home.tolist(), input_units(mechanism), strict=True
+                mechanism.inputs, home.tolist(), mechanism.input_units, strict=True
             )
         ],
         "closures": [
@@ -168,10 +167,8 @@ def solution_data(mechanism: Mechanism, found: Solution) -> dict[str, Any]:
 
 def solution(mechanism: Mechanism, found: Solution, more: Mapping[str, list[str]]) -> None:
     """Inputs and tip pose of a posture."""
-    from closedchain.robots.viewer import input_units
-
     data = solution_data(mechanism, found)
-    units = input_units(mechanism)
+    units = mechanism.input_units
     at_home = more.get("at_home", ())
     table(
         ("input", "value", "unit", ""),

@@ -232,7 +232,10 @@ BAD = {
     "a word of load itself": (["info", "d1", "--set", "variant=x"], "unknown parameter"),
     "parameter without value": (["info", "d1", "--set", "tip"], "name=value"),
     "parameter twice": (["info", "d1", "--set", "tip=1", "--set", "tip=2"], "given twice"),
-    "parameter that is no number": (["info", "d1", "--set", "radius_R=abc"], "xacro"),
+    "parameter that is no number": (
+        ["info", "d1", "--set", "radius_R=abc"],
+        "parameter 'radius_R' must be a number",
+    ),
     "unknown variant": (["info", "d1", "--variant", "v"], "printed_u"),
     "unknown input": (["direct", "d1", "q7=1"], "known: q1, q2"),
     "input twice": (["direct", "d1", "q1=0.5", "q1=0.5"], "given twice"),

@@ -351,3 +351,13 @@ def test_repr_is_one_line(d1: cc.Mechanism) -> None:
     assert repr(d1) == (
         "Mechanism('d1': nq 35, nv 33, 9 closures with 27 rows, inputs q1 q2 q3 q4 q5 q6)"
     )
+
+
+def test_inertia_that_no_body_has_is_refused_by_name() -> None:
+    # positive entries, yet no body: the principal moments are -1 and 3
+    text = """<robot name="r"><link name="base"/><link name="arm"><inertial><mass value="1"/>
+      <inertia ixx="1" ixy="2" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>
+      <joint name="j" type="revolute"><parent link="base"/><child link="arm"/>
+      <limit lower="-1" upper="1" effort="1" velocity="1"/></joint></robot>"""
+    with pytest.raises(cc.DescriptionError, match=r"name='arm'.*principal moments -1 to 3"):
+        cc.load_urdf(text)

@@ -11,7 +11,7 @@ import pytest
 
 import closedchain as cc
 from closedchain.robots import robot
-from closedchain.robots.viewer import input_units, serve, static_page
+from closedchain.robots.viewer import serve, static_page
 
 CHROMIUM = next(
     filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None
@@ -141,7 +141,7 @@ def test_no_process_is_left_over(d1: cc.Mechanism) -> None:
 
 
 def test_units_of_inputs(d1: cc.Mechanism) -> None:
-    assert input_units(d1) == ("m",) * 6
+    assert d1.input_units == ("m",) * 6
 
 
 @pytest.mark.slow
