@@ -5,6 +5,7 @@ if __name__ != "closedchain.analysis":
         "import closedchain.analysis, not analysis: two copies of a class never match"
     )
 
+from closedchain.analysis.acceleration import Acceleration, acceleration
 from closedchain.analysis.curves import SingularitySet, singularity_set
 from closedchain.analysis.maps import singularity_map
 from closedchain.analysis.mobility import Mobility, mobility
@@ -13,11 +14,13 @@ from closedchain.analysis.singularities import Classification, classify
 from closedchain.analysis.velocity import Velocity, velocity
 
 __all__ = [
+    "Acceleration",
     "Classification",
     "Mobility",
     "Redundancy",
     "SingularitySet",
     "Velocity",
+    "acceleration",
     "classify",
     "mobility",
     "redundancy",

@@ -98,7 +98,7 @@ def _inertia(link: str, inertial: Inertial) -> pin.Inertia:
         ]
     )
     moments, axes = np.linalg.eigh(about_centre)
-    if inertial.mass < 0.0 or moments[0] < -1e-9 * max(abs(moments[-1]), 1e-12):
+    if inertial.mass < 0.0 or moments[0] < -1e-9 * abs(moments[-1]) - 1e-15:
         raise DescriptionError(
             f"mass {inertial.mass:g} with principal moments {moments[0]:.3g} to {moments[-1]:.3g} "
             "is no inertia of a body: they must not be negative",

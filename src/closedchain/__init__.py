@@ -1,11 +1,13 @@
 """Kinematics and singularities of closed-chain (parallel) manipulators, on Pinocchio."""
 
 from closedchain.analysis import (
+    Acceleration,
     Classification,
     Mobility,
     Redundancy,
     SingularitySet,
     Velocity,
+    acceleration,
     classify,
     mobility,
     redundancy,
@@ -31,6 +33,7 @@ from closedchain.urdf.errors import ClosedChainError, ClosureError, DescriptionE
 __version__ = "0.1.0"
 
 __all__ = [
+    "Acceleration",
     "Classification",
     "ClosedChainError",
     "Closure",
@@ -42,6 +45,7 @@ __all__ = [
     "SingularitySet",
     "Solution",
     "Velocity",
+    "acceleration",
     "classify",
     "close",
     "constraint_drift",
