@@ -124,7 +124,7 @@ def curves_of(
     if f"det_{kind}" not in found or not measure.is_square(mechanism):
         note = (
             f"no signed determinant for {kind!r} with outputs {' '.join(outputs)}: inputs or "
-            "outputs are not as many as freedoms, so the set has no curves in general"
+            "outputs are not as many as freedoms, so no curve is traced"
         )
         return _collect(mechanism, kind, walked, [], outputs, 0, note=note)
     largest = _largest(mechanism, kind, walked, outputs)
@@ -206,17 +206,29 @@ def _contours(walked: Walk, z: np.ma.MaskedArray, level: float) -> list[np.ndarr
 def _polished(
     mechanism: Mechanism, walked: Walk, vertex: np.ndarray, measured: list[Measured]
 ) -> np.ndarray | None:
-    """Posture on the singular set near a vertex (2,), from the nearest cell of the branch."""
+    """Posture on the singular set near a vertex (2,), from the nearest cell of the branch.
+
+    A vertex lies between two cells of one row, so the input along that row is varied first: with
+    one equation and one input the posture cannot slide along the set. Where that leads nowhere,
+    and for two equations, both inputs vary.
+    """
     ok = np.argwhere(walked.status == OK)
     x, y = walked.grid.values
     cells = _cells(walked)
     places = np.stack([x[ok[:, 0]], y[ok[:, 1]]], axis=1)
-    nearest = ok[np.linalg.norm((places - vertex) / cells, axis=1).argmin()]
-    q = polish(mechanism, walked.q[tuple(nearest)], measured, _varying(mechanism, walked))
-    if q is None:
-        return None
-    moved = np.linalg.norm((_coordinates(mechanism, walked, q) - vertex) / cells)
-    return q if moved <= _DRIFT else None
+    offsets = np.abs(places - vertex) / cells
+    nearest = int(np.linalg.norm(offsets, axis=1).argmin())
+    start = walked.q[tuple(ok[nearest])]
+    both = _varying(mechanism, walked)
+    along = [both[int(offsets[nearest].argmax())]]
+    for varying in (along, both) if len(measured) == 1 else (both,):
+        q = polish(mechanism, start, measured, varying)
+        if q is None:
+            continue
+        moved = np.linalg.norm((_coordinates(mechanism, walked, q) - vertex) / cells)
+        if moved <= _DRIFT:
+            return q
+    return None
 
 
 def _varying(mechanism: Mechanism, walked: Walk) -> list[int]:
@@ -319,7 +331,7 @@ def _collect(
         for q in piece:
             c = classify(mechanism, q, outputs)
             if not wanted <= c.kinds:
-                dropped += 1  # a zero of the combined rows only, not of the mechanism
+                dropped += 1  # polished onto the matrix of the kind, yet not singular by classify
                 continue
             postures.append(q)
             kinds.append(c.kinds)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import textwrap
 from dataclasses import dataclass
+from itertools import takewhile
 
 from closedchain.analysis._graph import Edge, Walk, bridges, components, nodes_of, short_cycles
 from closedchain.analysis.mobility import PAIR_SYMBOLS, is_cross_link
@@ -14,7 +15,7 @@ from closedchain.urdf.description import Description, Joint
 
 @dataclass(frozen=True)
 class Body:
-    """Links without motion against each other; named after the first of them that is no point."""
+    """Links without motion against each other; named after the one that is drawn in most detail."""
 
     name: str
     links: tuple[str, ...]
@@ -27,7 +28,8 @@ class Pair:
     Attributes
     ----------
     name : str
-        Of the joint or of the closure; a universal joint of the tree has its first joint's name.
+        Of the joint or of the closure; for a universal joint of the tree what the names of its two
+        joints have in common.
     symbol : str
         R, P, U, S, C or E.
     parent, child : int
@@ -150,10 +152,12 @@ def _bodies(description: Description) -> tuple[Body, ...]:
     groups: dict[int, list[str]] = {}
     for name, label in zip(names, labels, strict=True):
         groups.setdefault(label, []).append(name)
-    return tuple(
-        Body(next((n for n in links if n not in points), links[0]), tuple(links))
-        for links in groups.values()
-    )
+    visuals = {link.name: link.visuals for link in description.links}
+
+    def speaking(link: str) -> tuple[bool, int, bool]:
+        return link == description.root, visuals[link], link not in points
+
+    return tuple(Body(max(links, key=speaking), tuple(links)) for links in groups.values())
 
 
 def _pairs(description: Description, of_link: dict[str, int]) -> tuple[Pair, ...]:
@@ -161,12 +165,13 @@ def _pairs(description: Description, of_link: dict[str, int]) -> tuple[Pair, ...
     for spec in description.inputs:
         driven.setdefault(spec.joint, []).append(spec.name)
     first_of = {j.child: j for j in description.joints if is_cross_link(description, j)}
+    taken = {j.name for j in description.joints} | {c.name for c in description.closures}
     found = []
     for joint in description.joints:
         if joint.type in {"fixed", "floating"} or joint.child in first_of:
             continue
         joints = (first_of[joint.parent], joint) if joint.parent in first_of else (joint,)
-        found.append(_tree_pair(joints, of_link, driven))
+        found.append(_tree_pair(joints, of_link, driven, taken))
     for closure in description.closures:
         if closure.type != "fixed":
             found.append(
@@ -185,10 +190,18 @@ def _pairs(description: Description, of_link: dict[str, int]) -> tuple[Pair, ...
 
 
 def _tree_pair(
-    joints: tuple[Joint, ...], of_link: dict[str, int], driven: dict[str, list[str]]
+    joints: tuple[Joint, ...],
+    of_link: dict[str, int],
+    driven: dict[str, list[str]],
+    taken: set[str],
 ) -> Pair:
+    name = joints[0].name
+    if len(joints) == 2:
+        same = takewhile(lambda ab: ab[0] == ab[1], zip(name, joints[1].name, strict=False))
+        common = "".join(a for a, _ in same).rstrip("_")
+        name = common if common and common not in taken else name
     return Pair(
-        name=joints[0].name,
+        name=name,
         symbol="U" if len(joints) == 2 else PAIR_SYMBOLS[joints[0].type],
         parent=of_link[joints[0].parent],
         child=of_link[joints[-1].child],
@@ -202,7 +215,7 @@ def _tree_pair(
 def _text(graph: LoopGraph) -> str:
     lines = [
         f"{graph.name}: {len(graph.bodies)} bodies, {len(graph.pairs)} pairs with "
-        f"{graph.freedoms} freedoms, {len(graph.loops)} independent loops."
+        f"{graph.freedoms} freedoms, {len(graph.loops)} independent loop(s)."
     ]
     for number, loop in enumerate(graph.loops, 1):
         walk = " ".join(

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from closedchain.analysis.first_order import first_order
 from closedchain.analysis.mobility import generic_rank
-from closedchain.analysis.singularities import row_combination
+from closedchain.analysis.singularities import determinants
 from closedchain.analysis.walk import OK, STATUSES, Grid, Progress, Walk, grid_of, walk
 from closedchain.closure.mechanism import Mechanism
 
@@ -23,7 +23,7 @@ _LONG_NAMES = {
     "sigma_direct": "singular value of K_p that vanishes at direct singularities",
     "sigma_inverse": "singular value of [K; J] that vanishes at inverse singularities",
     "sigma_constraint": "singular value of K that vanishes at constraint singularities",
-    "det_direct": "signed determinant of K_p",
+    "det_direct": "determinant of K_p, without sign where closure rows are redundant",
     "det_inverse": "signed determinant of [K; J]",
     "residual": "largest closure row",
 }
@@ -108,7 +108,6 @@ def _chunk(
         stacked[i] = first_order(mechanism, q, outputs).stacked
         residual[i] = np.abs(mechanism.workspace.residual(q)).max(initial=0.0)
     closures, p = stacked[:, : mechanism.rows], mechanism.passive_v
-    reduced = row_combination(mechanism) @ closures
     passive = closures[:, :, p]
     watched = {
         "direct": (passive, min(r, p.size)),
@@ -121,12 +120,8 @@ def _chunk(
         none = np.full(n, 1.0 if number == 0 else 0.0)
         in_range = 0 < number <= values.shape[1]
         found[f"sigma_{kind}"] = values[:, number - 1] if in_range else none
-    for kind, matrices in (
-        ("direct", reduced[:, :, p]),
-        ("inverse", np.concatenate([reduced, stacked[:, mechanism.rows :]], axis=1)),
-    ):
-        if matrices.shape[1] == matrices.shape[2]:
-            found[f"det_{kind}"] = np.linalg.det(matrices)
+    signed = determinants(mechanism, closures, stacked[:, mechanism.rows :])
+    found |= {f"det_{kind}": values for kind, values in signed.items() if values is not None}
     found["residual"] = residual
     return found
 

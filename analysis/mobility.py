@@ -195,10 +195,12 @@ def _text(
     degrees = mechanism.model.nv - rank.value
     pairs = sum(counts.values())
     listed = " + ".join(f"{n}{symbol}" for symbol, n in sorted(counts.items()))
+    couplings = len(mechanism.description.couplings)
+    tied = f" - {couplings} coupling{'s' * (couplings > 1)}" if couplings else ""
     lines = [
         f"{mechanism.name}: mobility {degrees}.",
         f"Count: n = {bodies} links, j = {listed} = {pairs} pairs, sum f = {freedoms}; "
-        f"F = 6 (n - j - 1) + sum f = {gruebler}.",
+        f"F = 6 (n - j - 1) + sum f{tied} = {gruebler}.",
         f"Rank: the {mechanism.rows} closure rows have generic {rank} over {generic.samples} "
         f"closed postures; nv - r = {mechanism.model.nv} - {rank.value} = {degrees}.",
     ]

@@ -7,13 +7,13 @@ dimensionless too: sliding rates over the characteristic length.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
 
-from closedchain.analysis._graph import Walk, components, shortest_walks
+from closedchain.analysis._graph import Walk, shortest_walks
 from closedchain.analysis.loops import LoopGraph, Pair
 from closedchain.analysis.twists import TwistSpace, twist_space
 from closedchain.closure.kinds import Closure
@@ -163,7 +163,9 @@ def _free_screws(data: pin.Data, closure: Closure) -> np.ndarray:
 
 
 def _couplings(mechanism: Mechanism, graph: LoopGraph) -> tuple[CoupledRates, ...]:
-    place = {name: (p, i) for p, pair in enumerate(graph.pairs) for i, name in enumerate(pair.joints)}
+    place = {
+        name: (p, i) for p, pair in enumerate(graph.pairs) for i, name in enumerate(pair.joints)
+    }
     scale = {
         name: mechanism.column_scale[mechanism.model.idx_vs[mechanism.model.getJointId(name)]]
         for name in place
@@ -176,8 +178,3 @@ def _couplings(mechanism: Mechanism, graph: LoopGraph) -> tuple[CoupledRates, ..
         )
         for c in mechanism.description.couplings
     )
-
-
-def connected(graph: LoopGraph, pairs: Iterable[int]) -> list[int]:
-    """Label of every body, equal where ``pairs`` connect."""
-    return components(len(graph.bodies), graph.edges, pairs)

@@ -26,17 +26,14 @@ _LARGEST = 0.3  # dimensionless length of a Newton step
 
 @dataclass(frozen=True, eq=False)
 class Measured:
-    """A square dimensionless matrix at a posture, for one kind of singularity."""
+    """A dimensionless matrix at a posture, for one kind of singularity."""
 
     kind: str
     outputs: tuple[str, ...]
 
-    def matrix(self, mechanism: Mechanism, q: np.ndarray) -> np.ndarray:
-        """K_p for "direct", [K; J] for "inverse"; closure rows combined where redundant."""
-        _, jacobian = mechanism.workspace.evaluate(q)
-        closures = row_combination(mechanism) @ (
-            jacobian * mechanism.column_scale / mechanism.row_scale[:, None]
-        )
+    def matrix(self, mechanism: Mechanism, q: np.ndarray, combine: np.ndarray) -> np.ndarray:
+        """K_p for "direct", [K; J] for "inverse", rows combined by ``combine`` (r, rows)."""
+        closures = combine @ _scaled_rows(mechanism, q)[1]
         if self.kind == "direct":
             return closures[:, mechanism.passive_v]
         units = np.array([mechanism.length if n in "xyz" else 1.0 for n in self.outputs])
@@ -45,8 +42,17 @@ class Measured:
 
     def is_square(self, mechanism: Mechanism) -> bool:
         """Whether the determinant exists: a curve in two coordinates needs one equation."""
-        rows, columns = self.matrix(mechanism, mechanism.home).shape
+        home = mechanism.home
+        combine = row_combination(mechanism, _scaled_rows(mechanism, home)[1])
+        rows, columns = self.matrix(mechanism, home, combine).shape
         return rows == columns
+
+
+def _scaled_rows(mechanism: Mechanism, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Dimensionless residual (rows,) and K (rows, nv)."""
+    values, jacobian = mechanism.workspace.evaluate(q)
+    unit = mechanism.row_scale
+    return values / unit, jacobian * mechanism.column_scale / unit[:, None]
 
 
 def polish(
@@ -69,18 +75,21 @@ def polish(
     free = np.concatenate([np.array(varying, dtype=int), mechanism.passive_v])
     unit = mechanism.column_scale[free]
     for _ in range(_ITERATIONS):
-        values, jacobian = mechanism.workspace.evaluate(q)
-        values = values / mechanism.row_scale
-        rows = np.array(jacobian[:, free]) * unit / mechanism.row_scale[:, None]
+        values, closures = _scaled_rows(mechanism, q)
+        # held during the step: what its change adds to u^T A v vanishes with A v
+        combine = row_combination(mechanism, closures)
+        rows = combine @ closures[:, free]
         sigmas = []
         for measure in measured:
-            u, s, vt = np.linalg.svd(measure.matrix(mechanism, q))
+            u, s, vt = np.linalg.svd(measure.matrix(mechanism, q, combine))
             sigmas.append(s[-1])
-            rows = np.vstack([rows, _gradient(mechanism, q, measure, u[:, -1], vt[-1], free, unit)])
+            ends = u[:, -1], vt[-1]
+            rows = np.vstack([rows, _gradient(mechanism, q, measure, combine, *ends, free, unit)])
         target = np.concatenate([values, sigmas])
         if np.abs(target).max() < 1e-2 * CLOSED:
             return q
-        step = -np.linalg.lstsq(rows, target, rcond=RANK_TOLERANCE)[0]
+        reduced = np.concatenate([combine @ values, sigmas])
+        step = -np.linalg.lstsq(rows, reduced, rcond=RANK_TOLERANCE)[0]
         size = float(np.linalg.norm(step))
         step *= min(1.0, _LARGEST / size) if size > 0.0 else 1.0
         v = np.zeros(mechanism.model.nv)
@@ -95,6 +104,7 @@ def _gradient(
     mechanism: Mechanism,
     q: np.ndarray,
     measure: Measured,
+    combine: np.ndarray,
     u: np.ndarray,
     v: np.ndarray,
     free: np.ndarray,
@@ -105,9 +115,12 @@ def _gradient(
     tangent = np.zeros(mechanism.model.nv)
     for i, (column, size) in enumerate(zip(free, unit, strict=True)):
         tangent[column] = _STEP * size
-        ahead = u @ measure.matrix(mechanism, pin.integrate(mechanism.model, q, tangent)) @ v
+        ahead = pin.integrate(mechanism.model, q, tangent)
         tangent[column] = -_STEP * size
-        behind = u @ measure.matrix(mechanism, pin.integrate(mechanism.model, q, tangent)) @ v
+        behind = pin.integrate(mechanism.model, q, tangent)
         tangent[column] = 0.0
-        gradient[i] = (ahead - behind) / (2.0 * _STEP)
+        change = measure.matrix(mechanism, ahead, combine) - measure.matrix(
+            mechanism, behind, combine
+        )
+        gradient[i] = u @ change @ v / (2.0 * _STEP)
     return gradient

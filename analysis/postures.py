@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import ArrayLike
 
 from closedchain.analysis.first_order import first_order
 from closedchain.closure.constraints import flipped_axes
@@ -20,7 +21,7 @@ TRIES = 12
 
 
 def wander(
-    mechanism: Mechanism, count: int, start: np.ndarray | None = None, seed: int = 0
+    mechanism: Mechanism, count: int, start: ArrayLike | None = None, seed: int = 0
 ) -> list[np.ndarray]:
     """Walk from ``start`` (nq,), home by default, and keep ``count`` closed postures (nq,).
 

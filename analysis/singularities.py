@@ -37,8 +37,8 @@ class Classification:
         The dimensionless singular value that vanishes there: number min(r, n_p) of K_p, r + d of
         [K; J], r of K. 0 where the matrix is too small to have it.
     det_direct, det_inverse : float or None
-        Signed determinants of the dimensionless K_p and [K; J]; None where they are not square
-        (redundant closure rows are first combined, see ``row_combination``).
+        Signed determinants of the dimensionless K_p and [K; J]; None where they are not square.
+        With redundant closure rows det_direct has no sign, see ``determinants``.
     free_twists : (6, k) array
         Tip twists (linear, angular) [m/s, rad/s], world-aligned at the tip, of the motions that
         remain with all inputs locked; a zero column moves legs only.
@@ -92,7 +92,8 @@ def classify(
     r, p = generic_rank(mechanism), mechanism.passive_v
     sigma, largest = measures(at, r)
     kinds = frozenset(kind for kind in sigma if sigma[kind] <= tolerance * largest[kind])
-    determinants = signed_determinants(at)
+    found = determinants(mechanism, at.K[None], at.J[None])
+    dets = {kind: None if value is None else float(value[0]) for kind, value in found.items()}
     free = np.zeros((mechanism.model.nv, 0))
     if "direct" in kinds:
         motions, _ = null_space(at.K_passive, tolerance)
@@ -100,21 +101,33 @@ def classify(
         free[p] = motions * at.column_unit[p, None]
     lost = np.zeros((len(at.outputs), 0))
     if "inverse" in kinds:
-        possible, _ = null_space(at.K, tolerance)
-        lost, _ = null_space((at.J @ possible).T, tolerance)
+        least = 0 if "constraint" in kinds else 1
+        lost = _lost(at, tolerance, tolerance * largest["inverse"], least)
         lost *= np.sign(lost[np.abs(lost).argmax(axis=0), range(lost.shape[1])])
     return Classification(
         kinds=kinds,
         sigma_direct=sigma["direct"],
         sigma_inverse=sigma["inverse"],
         sigma_constraint=sigma["constraint"],
-        det_direct=determinants["direct"],
-        det_inverse=determinants["inverse"],
+        det_direct=dets["direct"],
+        det_inverse=dets["inverse"],
         free_twists=tip_twists(mechanism, at.q, free),
         lost_twists=lost,
         outputs=at.outputs,
         text=_text(mechanism, at, kinds, sigma, free, lost),
     )
+
+
+def _lost(at: FirstOrder, tolerance: float, floor: float, least: int) -> np.ndarray:
+    """Combinations of outputs (d, k) that no closed motion produces, ``least`` of them or more.
+
+    The singular value of [K; J] decides whether there is one; here the matrix is another, and near
+    the tolerance a decision of its own could contradict it.
+    """
+    possible, _ = null_space(at.K, tolerance)
+    u, s, _ = np.linalg.svd(at.J @ possible)
+    produced = min(int(np.count_nonzero(s > floor)), max(s.size - least, 0))
+    return np.ascontiguousarray(u[:, produced:])
 
 
 def measures(at: FirstOrder, r: int) -> tuple[dict[str, float], dict[str, float]]:
@@ -134,33 +147,61 @@ def measures(at: FirstOrder, r: int) -> tuple[dict[str, float], dict[str, float]
     return sigma, largest
 
 
-def signed_determinants(at: FirstOrder) -> dict[str, float | None]:
-    """Signed determinants of the dimensionless K_p and [K; J]; None where not square."""
-    combine = row_combination(at.mechanism)
-    reduced = combine @ at.K
-    matrices = {
-        "direct": reduced[:, at.mechanism.passive_v],
-        "inverse": np.vstack([reduced, at.J]),
+def determinants(
+    mechanism: Mechanism, closures: np.ndarray, task: np.ndarray
+) -> dict[str, np.ndarray | None]:
+    """Determinants of K_p and [K; J] of dimensionless matrices; None where not square.
+
+    Redundant closure rows are combined into r independent ones first. Bases of the row space have
+    no common orientation over all postures, so then only what does not depend on it has a sign:
+    the ratio of the two determinants. The one of K_p is given without sign, which loses nothing
+    on a branch (it keeps its sign there), and the one of [K; J] with the sign of the ratio. Without
+    a determinant of K_p, bases are oriented as at home, as far as that can be told.
+
+    Parameters
+    ----------
+    closures : (n, rows, nv) array
+        K at n postures.
+    task : (n, d, nv) array
+        J there.
+
+    Returns
+    -------
+    dict
+        "direct" and "inverse": (n,) array or None.
+    """
+    combine = row_combination(mechanism, closures)
+    reduced = combine @ closures
+    square = {
+        "direct": reduced[:, :, mechanism.passive_v],
+        "inverse": np.concatenate([reduced, task], axis=1),
     }
-    return {
-        kind: float(np.linalg.det(m)) if m.shape[0] == m.shape[1] else None
-        for kind, m in matrices.items()
-    }
+    found = {k: np.linalg.det(m) if m.shape[1] == m.shape[2] else None for k, m in square.items()}
+    if reduced.shape[1] == mechanism.rows:
+        return found
+    direct, inverse = found["direct"], found["inverse"]
+    if direct is None:
+        k = first_order(mechanism, mechanism.home, task=False).K[None]
+        orientation = np.linalg.det(row_combination(mechanism, k) @ combine.swapaxes(1, 2))
+    else:
+        orientation = direct
+        found["direct"] = np.abs(direct)
+    if inverse is not None:
+        found["inverse"] = np.where(orientation < 0.0, -inverse, inverse)
+    return found
 
 
-def row_combination(mechanism: Mechanism) -> np.ndarray:
-    """Constant matrix (r, rows) that combines redundant closure rows into r independent ones.
+def row_combination(mechanism: Mechanism, closures: np.ndarray) -> np.ndarray:
+    """Matrices (..., r, rows) that combine redundant closure rows into r independent ones.
 
-    The identity where no row is redundant; else the left singular vectors of K at home. Away from
-    home the combination can lose rank on its own, so a vanishing determinant is a candidate that
-    the singular values must confirm.
+    The identity where no row is redundant; else the left singular vectors of K (..., rows, nv):
+    the combined rows lose rank where K does, and nowhere else.
     """
     r = generic_rank(mechanism)
     if r == mechanism.rows:
-        return np.eye(r)
-    at_home = first_order(mechanism, mechanism.home, task=False)
-    u, _, _ = np.linalg.svd(at_home.K)
-    return np.ascontiguousarray(u[:, :r].T)
+        return np.broadcast_to(np.eye(r), (*closures.shape[:-2], r, r))
+    u, _, _ = np.linalg.svd(closures)
+    return np.ascontiguousarray(u[..., :r].swapaxes(-1, -2))
 
 
 def _text(

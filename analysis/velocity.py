@@ -23,7 +23,8 @@ class Velocity:
     Jq : (k, n_inputs) array
         Factor of the input rates.
     twist_map : (d, n_inputs) array or None
-        V = twist_map @ qdot_a; None where the inputs do not determine the motion.
+        V = twist_map @ qdot_a; None where the inputs do not determine the motion. With more inputs
+        than freedoms it holds for the input rates that the loops allow, and for no others.
     outputs : tuple of str
     rank : Rank
         Of the dimensionless passive columns K_p: why there is a twist map, or none.

@@ -17,6 +17,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
+from closedchain.closure.constraints import flipped_axes
 from closedchain.closure.continuation import Followed, follow
 from closedchain.closure.equations import Corrected, Equations, correct
 from closedchain.closure.mechanism import Mechanism
@@ -235,6 +236,8 @@ def _label(equations: Equations, grid: Grid, status: np.ndarray, progress: Progr
             found = descend(equations, q, evaluations=_DESCENT, settle=_SETTLED)
             if not found.closed or beyond_limits(mechanism, found.q):
                 continue
+            if flipped_axes(mechanism, found.q):
+                continue  # the rows vanish, but a cut joint is mirrored: that is no posture
             first = correct(equations, found.q)
             if first.refusal is None:
                 for _ in _spread(equations, grid, status, OTHER_BRANCH, cell, first, None):
@@ -249,7 +252,7 @@ def _random_posture(mechanism: Mechanism, rng: np.random.Generator) -> np.ndarra
     """Posture (nq,) far around home: any angle and attitude, lengths within about ``length``."""
     model = mechanism.model
     v = rng.uniform(-np.pi, np.pi, model.nv)
-    slides = mechanism.column_scale != 1.0
+    slides = mechanism.translational
     v[slides] = mechanism.column_scale[slides] * rng.standard_normal(np.count_nonzero(slides))
     return np.asarray(pin.integrate(model, mechanism.home, v))
 

@@ -142,16 +142,21 @@ class Mechanism:
         return np.setdiff1d(np.arange(self.model.nv), self.input_v)
 
     @cached_property
-    def column_scale(self) -> np.ndarray:
-        """Unit of each tangent coordinate, (nv,): ``length`` for translations, 1 for rotations."""
-        scale = np.ones(self.model.nv)
+    def translational(self) -> np.ndarray:
+        """Which tangent coordinates are translations [m], (nv,) of bool; the others are angles."""
+        slides = np.zeros(self.model.nv, dtype=bool)
         for joint in list(self.model.joints)[1:]:
             kind = joint.shortname()
             if "Prismatic" in kind or kind in {"JointModelPX", "JointModelPY", "JointModelPZ"}:
-                scale[joint.idx_v] = self.length
+                slides[joint.idx_v] = True
             elif kind == "JointModelFreeFlyer":
-                scale[joint.idx_v : joint.idx_v + 3] = self.length
-        return scale
+                slides[joint.idx_v : joint.idx_v + 3] = True
+        return slides
+
+    @cached_property
+    def column_scale(self) -> np.ndarray:
+        """Unit of each tangent coordinate, (nv,): ``length`` for translations, 1 for rotations."""
+        return np.where(self.translational, self.length, 1.0)
 
     @cached_property
     def row_scale(self) -> np.ndarray:

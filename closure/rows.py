@@ -39,16 +39,14 @@ def axis_rows(model: pin.Model, data: pin.Data, closure: Closure) -> tuple[np.nd
     jac2 = _frame_jacobian(model, data, closure.joint2, closure.placement2)
     gap = two.translation - one.translation
     gap_rate, spin1, spin = jac2[:3] - jac1[:3], jac1[3:], jac1[3:] - jac2[3:]
-    values, rows = [], []
-    for a in SLIDES[closure.kind]:
-        axis = one.rotation[:, a]
-        values.append(axis @ gap)
-        rows.append(axis @ gap_rate + np.cross(axis, gap) @ spin1)
-    for a, b in DOTS[closure.kind]:
-        axis1, axis2 = one.rotation[:, a], two.rotation[:, b]
-        values.append(axis1 @ axis2)
-        rows.append(np.cross(axis1, axis2) @ spin)
-    return np.array(values), np.array(rows)
+    axes = one.rotation[:, SLIDES[closure.kind]].T
+    # pin.skew: np.cross costs more than all the rest
+    slide_rows = axes @ (gap_rate + pin.skew(gap) @ spin1)
+    pairs = [(one.rotation[:, a], two.rotation[:, b]) for a, b in DOTS[closure.kind]]
+    dots = [axis1 @ axis2 for axis1, axis2 in pairs]
+    dot_axes = np.array([pin.skew(axis1) @ axis2 for axis1, axis2 in pairs])
+    rows = np.vstack([slide_rows, dot_axes @ spin]) if pairs else slide_rows
+    return np.array([*(axes @ gap), *dots]), rows
 
 
 def _frame_jacobian(model: pin.Model, data: pin.Data, joint: int, placement: pin.SE3) -> np.ndarray:

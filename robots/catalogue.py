@@ -5,10 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from importlib.resources import files
+from itertools import product
+from math import radians
 from types import MappingProxyType
 from typing import Literal
 
 from closedchain.closure import Mechanism, mechanism_from_description
+from closedchain.robots.delia import CHOICES as DELIA_LEGS
+from closedchain.robots.family import Choice
 from closedchain.urdf import load_description
 from closedchain.urdf.description import ParameterValue
 from closedchain.urdf.errors import DescriptionError, known_names
@@ -21,7 +25,8 @@ class Robot:
     """An entry of the catalogue.
 
     ``variants`` maps a name to the parameters it changes; ``up`` is the world axis that a viewer
-    should draw upwards.
+    should draw upwards. An entry with ``choices`` is a family: each combination of the words that
+    these parameters may take is a robot of its own.
     """
 
     name: str
@@ -30,6 +35,12 @@ class Robot:
     file: str
     up: Literal["x", "y", "z"] = "z"
     variants: Mapping[str, Overrides] = field(default_factory=dict)
+    choices: Mapping[str, Choice] = field(default_factory=dict)
+
+    def members(self) -> tuple[Mapping[str, str], ...]:
+        """Choices of every member of the family, the default member first."""
+        words = (choice.words for choice in self.choices.values())
+        return tuple(dict(zip(self.choices, combined, strict=True)) for combined in product(*words))
 
 
 _D1 = Robot(
@@ -52,20 +63,119 @@ _D1 = Robot(
         }
     ),
 )
-_CATALOGUE: Mapping[str, Robot] = MappingProxyType({r.name: r for r in (_D1,)})
+_ECLIPSE_PAPER = (
+    "H. Simas, A. Dias, D. Martins, Kinematic model for Eclipse and Eclipse-II parallel robot"
+)
+_ECLIPSE = Robot(
+    name="eclipse",
+    title="Eclipse: three PPRS legs with columns on a circular guide, six inputs",
+    source=_ECLIPSE_PAPER,
+    file="eclipse.xacro",
+)
+_ECLIPSE2 = Robot(
+    name="eclipse2",
+    title="Eclipse-II: Eclipse with a vertical circular guide in leg a, six inputs",
+    source=_ECLIPSE_PAPER,
+    file="eclipse2.xacro",
+)
+_RUS6 = Robot(
+    name="rus6",
+    title="Reconfigurable 2(3-RUS): six arms and the angle of three reconfiguration links",
+    source="R. E. Sanchez-Alonso, An application of screw theory for the identification of "
+    "singularities in a novel reconfigurable parallel robot, Nexo 29(2), 2016",
+    file="rus6.xacro",
+    up="y",
+    variants=MappingProxyType(
+        {
+            "coupled": {},
+            "free": {"reconfiguration": "free"},
+            "locked": {"reconfiguration": "locked"},
+            # sizes of ours at which the singularity of figure 5 occurs; home moved into reach
+            "figure5": {"LA": 0.25, "LB": 0.25, "r": 0.12, "H": 0.05, "height": -0.3},
+        }
+    ),
+)
+_RPA3T = Robot(
+    name="rpa3t",
+    title="RPa(3R)2R+RPa: three translations, two parallelograms, three inputs",
+    source="H. Shen et al., Topological design of an asymmetric 3-translational parallel "
+    "mechanism with zero coupling degree and motion decoupling, 2018",
+    file="rpa3t.xacro",
+    variants=MappingProxyType(
+        {
+            "case_study": {},
+            # inputs within which the regular box of docs/robots/rpa3t.md lies
+            "working": {
+                "theta1_range": f"{radians(-60)} {radians(10)}",
+                "theta2_range": f"{radians(110)} {radians(230)}",
+                "theta3_range": f"{radians(-60)} {radians(65)}",
+            },
+        }
+    ),
+)
+_LINEAR_DELTA = Robot(
+    name="linear_delta",
+    title="Linear Delta 3-PRPaR: three vertical sliders, three translations",
+    source="K. Z. Zenebe, Formulation of a generalized Jacobian and inverse acceleration analysis "
+    "of a linear Delta manipulator ..., IJERT 2(2), 2013",
+    file="linear_delta.xacro",
+    variants=MappingProxyType(
+        {
+            "default": {},
+            # rails for the trajectories V1 and V2 of robots.linear_delta, home at their start
+            "V1": {
+                "home": "-0.10132118364233778 0 -0.6",
+                "rail_lower": -0.3,
+                "rail_upper": 2.0,
+            },
+            "V2": {
+                "home": "-0.15831434944115277 0 -0.6",
+                "rail_lower": -0.3,
+                "rail_upper": 0.2,
+            },
+        }
+    ),
+)
+_DELIA = Robot(
+    name="delia",
+    title="DeLiA family: a driven and a passive three-leg stage and three driven outer legs",
+    source=_D1.source,
+    file="delia.xacro",
+    up="y",
+    variants=_D1.variants,
+    choices=DELIA_LEGS,
+)
+_CATALOGUE: Mapping[str, Robot] = MappingProxyType(
+    {r.name: r for r in (_D1, _ECLIPSE, _ECLIPSE2, _RPA3T, _LINEAR_DELTA, _RUS6)}
+)
+_FAMILIES: Mapping[str, Robot] = MappingProxyType({r.name: r for r in (_DELIA,)})
 
 
 def robots() -> tuple[str, ...]:
-    """Names of the robots in the catalogue."""
+    """Names of the robots in the catalogue; families are listed by ``families()``."""
     return tuple(_CATALOGUE)
 
 
-def robot(name: str) -> Robot:
-    """Catalogue entry of a robot. Raises ``DescriptionError`` for an unknown name."""
+def families() -> tuple[str, ...]:
+    """Names of the families, which ``load`` takes too."""
+    return tuple(_FAMILIES)
+
+
+def family(name: str) -> Robot:
+    """Catalogue entry of a family. Raises ``DescriptionError`` for an unknown name."""
     try:
-        return _CATALOGUE[name]
+        return _FAMILIES[name]
     except KeyError:
-        raise DescriptionError(known_names(name, "robot", _CATALOGUE)) from None
+        raise DescriptionError(known_names(name, "family", _FAMILIES)) from None
+
+
+def robot(name: str) -> Robot:
+    """Catalogue entry of a robot or family. Raises ``DescriptionError`` for an unknown name."""
+    everything = {**_CATALOGUE, **_FAMILIES}
+    try:
+        return everything[name]
+    except KeyError:
+        raise DescriptionError(known_names(name, "robot", everything)) from None
 
 
 def load(name: str, *, variant: str | None = None, **parameters: ParameterValue) -> Mechanism:
@@ -74,16 +184,18 @@ def load(name: str, *, variant: str | None = None, **parameters: ParameterValue)
     Parameters
     ----------
     name : str
-        One of ``robots()``.
+        One of ``robots()`` or ``families()``.
     variant : str, optional
         A named set of parameters of that robot.
     parameters : numbers or strings
-        Sizes [m], as listed in ``Mechanism.parameters``; they override the variant's.
+        Sizes [m], and for a family its choices, as listed in ``Mechanism.parameters``; they
+        override the variant's.
 
     Raises
     ------
     DescriptionError
-        Unknown robot, variant or parameter (lists the known ones), or sizes that do not close.
+        Unknown robot, variant, parameter or choice (lists the known ones), or sizes that do not
+        close.
     """
     entry = robot(name)
     overrides: Overrides = {}
@@ -91,5 +203,9 @@ def load(name: str, *, variant: str | None = None, **parameters: ParameterValue)
         if variant not in entry.variants:
             raise DescriptionError(known_names(variant, f"variant of {name}", entry.variants))
         overrides = entry.variants[variant]
+    given = {**overrides, **parameters}
+    for parameter, choice in entry.choices.items():
+        if parameter in given:
+            choice.check(parameter, given[parameter])
     path = files("closedchain.urdf") / entry.file
-    return mechanism_from_description(load_description(str(path), {**overrides, **parameters}))
+    return mechanism_from_description(load_description(str(path), given))

@@ -292,6 +292,7 @@ def _message(error: Exception, seen: Mapping[str, bool]) -> str:
     if isinstance(error, RecursionError) or isinstance(inner, RecursionError):
         return "xacro: nested too deeply; does a macro call itself without end?"
     text = " ".join(str(error).split())
+    text = text.split(" when evaluating expression 'xacro.fatal(", 1)[0]  # the file's own words
     kind = type(error).__name__
     return f"xacro: {text}" if kind == "XacroException" else f"xacro: {kind}: {text}"
 

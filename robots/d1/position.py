@@ -17,7 +17,8 @@ from typing import Literal, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .elimination import CircleSolutions, eliminant, three_points_on_circles
+from closedchain.robots.elimination import CircleSolutions, eliminant, three_points_on_circles
+
 from .geometry import (
     NORMAL,
     RADIAL,

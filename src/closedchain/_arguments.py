@@ -34,10 +34,12 @@ def load_robot(
     """
     import closedchain as cc
     from closedchain.closure import mechanism_from_description
+    from closedchain.robots import families
     from closedchain.urdf import load_description
 
+    known = (*cc.robots(), *families())
     parameters = _settings(settings)
-    if name in cc.robots():
+    if name in known:
         for key in ("name", "variant"):  # words of cc.load itself
             if key in parameters:
                 raise DescriptionError(f"unknown parameter {key!r} of {name}")
@@ -48,7 +50,7 @@ def load_robot(
             raise DescriptionError(f"{name} is a folder, not a URDF file")
         if path.suffix or path.name != name:
             raise DescriptionError(f"there is no file {name}")
-        raise DescriptionError(f"{known_names(name, 'robot', cc.robots())}; nor is it a file")
+        raise DescriptionError(f"{known_names(name, 'robot', known)}; nor is it a file")
     if variant is not None:
         raise DescriptionError("--variant is for robots of the catalogue, not for files")
     return mechanism_from_description(load_description(path, parameters, xacro=xacro))
@@ -56,14 +58,14 @@ def load_robot(
 
 def up_axis(name: str, chosen: str | None = None) -> Up:
     """World axis to draw upwards: the one chosen, the catalogue's, else z."""
-    from closedchain.robots import robot, robots
+    from closedchain.robots import families, robot, robots
 
     axes: dict[str, Up] = {"x": "x", "y": "y", "z": "z"}
     if chosen is not None:
         if chosen not in axes:
             raise BadArgumentError(known_names(chosen, "axis", axes))
         return axes[chosen]
-    return robot(name).up if name in robots() else "z"
+    return robot(name).up if name in (*robots(), *families()) else "z"
 
 
 def finite(values: Sequence[float], what: str) -> None:

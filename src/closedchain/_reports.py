@@ -40,6 +40,24 @@ def catalogue(json: bool) -> None:
     )
 
 
+def members(name: str, json: bool) -> None:
+    """Members of a family: their choices, as ``--set`` takes them."""
+    from closedchain.robots import family
+
+    found = family(name)
+    if json:
+        entries = [
+            {"name": found.name, "choices": dict(choices), "source": found.source}
+            for choices in found.members()
+        ]
+        print_json(entries)
+        return
+    table(
+        ("family", *found.choices),
+        [(found.name, *choices.values()) for choices in found.members()],
+    )
+
+
 def info(mechanism: Mechanism, json: bool) -> None:
     """Inputs, task, closures, parameters and mobility."""
     import closedchain as cc

@@ -75,9 +75,20 @@ def _common(
 
 
 @app.command("list")
-def list_robots(json: Json = False) -> None:
-    """List the robots of the catalogue."""
-    reports.catalogue(json)
+def list_robots(
+    family: Annotated[
+        str | None, typer.Option(metavar="NAME", help="List the members of a family instead.")
+    ] = None,
+    json: Json = False,
+) -> None:
+    """List the robots of the catalogue, or the members of a family.
+
+    A member is loaded by the family's name and its choices: --set coupler=PRS --set outer=CPS.
+    """
+    if family is None:
+        reports.catalogue(json)
+    else:
+        reports.members(family, json)
 
 
 @app.command()

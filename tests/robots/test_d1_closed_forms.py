@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from closedchain.robots.d1 import elimination
-from closedchain.robots.d1.elimination import three_points_on_circles
+from closedchain.robots import elimination
 from closedchain.robots.d1.geometry import (
     NORMAL,
     RADIAL,
@@ -35,6 +34,7 @@ from closedchain.robots.d1.position import (
 )
 from closedchain.robots.d1.screws import j1, j2, planes1, planes2, scaled_screws
 from closedchain.robots.d1.selfmotion import vertical_tool_quaternions
+from closedchain.robots.elimination import three_points_on_circles
 from closedchain.urdf.errors import DescriptionError
 
 G = geometry()

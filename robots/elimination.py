@@ -1,9 +1,9 @@
 """Three points on three circles with given mutual distances: all solutions, by elimination.
 
-Both stages of D1 are this problem. A leg of a 3-RPS stage keeps its spherical joint in a plane
-(eq. 2); its length puts the joint on a sphere (eq. 3), hence on a circle; the triangle of the
-platform gives the three distances (eq. 4). In the second stage the plane belongs to the passive
-RPS leg and the sphere to the UPS leg (eq. 7).
+This is the direct problem of every platform that three legs hold at spherical joints, where the
+driven joints leave each spherical joint one circle: the stages of D1 (a plane from the passive
+pairs, a sphere from a leg length) and Eclipse with its carriages locked (a link that turns about
+a hinge). The triangle of the platform gives the three distances.
 
 With ``z_i = exp(j theta_i)`` the three distance equations are biquadratic and no finite angle is
 exceptional (the tangent of the half angle would send ``theta = pi`` to infinity). Sylvester's
@@ -225,7 +225,7 @@ def _distinct(forms: ComplexArray, theta: ComplexArray, last: FloatArray) -> Com
 def eliminant(
     centres: ArrayLike, axes_u: ArrayLike, axes_v: ArrayLike, radii: ArrayLike, sides: ArrayLike
 ) -> ComplexArray:
-    """Eliminant of eqs (2)-(4) in ``z_1 = exp(j theta_1)``.
+    """Eliminant of the three distance equations in ``z_1 = exp(j theta_1)``.
 
     Parameters are those of :func:`three_points_on_circles`.
 
@@ -287,7 +287,7 @@ def three_points_on_circles(
     radii : array_like (3,)
         Radii, m; an imaginary one (sphere that misses the plane) is allowed and counted.
     sides : array_like (3,)
-        ``|P1 P2|, |P2 P3|, |P3 P1|``, m (eqs 4, 7).
+        ``|P1 P2|, |P2 P3|, |P3 P1|``, m.
 
     Returns
     -------

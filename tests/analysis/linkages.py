@@ -1,0 +1,322 @@
+"""Small closed linkages written as URDF text, for tests of what holds for any mechanism."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+import closedchain as cc
+
+Z = "0 0 1"
+
+
+@dataclass(frozen=True)
+class J:
+    """A joint of the tree."""
+
+    name: str
+    parent: str
+    child: str
+    xyz: str = "0 0 0"
+    axis: str = Z
+    type: str = "revolute"
+    rpy: str = "0 0 0"
+    mimic: str = ""
+
+    def text(self) -> str:
+        axis = "" if self.type in {"fixed", "floating"} else f'<axis xyz="{self.axis}"/>'
+        limited = self.type in {"revolute", "prismatic"}
+        limit = '<limit lower="-9" upper="9" effort="1" velocity="1"/>' if limited else ""
+        mimic = f'<mimic joint="{self.mimic}" multiplier="-1" offset="3.1"/>' if self.mimic else ""
+        return (
+            f'<joint name="{self.name}" type="{self.type}"><parent link="{self.parent}"/>'
+            f'<child link="{self.child}"/><origin xyz="{self.xyz}" rpy="{self.rpy}"/>'
+            f"{axis}{limit}{mimic}</joint>"
+        )
+
+
+@dataclass(frozen=True)
+class Cut:
+    """A cut joint."""
+
+    name: str
+    parent: str
+    child: str
+    parent_xyz: str = "0 0 0"
+    child_xyz: str = "0 0 0"
+    type: str = "revolute"
+    axis: str = Z
+    child_axis: str = Z
+
+    def text(self) -> str:
+        axes = self.type not in {"spherical", "fixed"}
+        one = f'<parent_axis xyz="{self.axis}"/>' if axes else ""
+        two = f'<child_axis xyz="{self.child_axis}"/>' if axes else ""
+        return (
+            f'<constraint name="{self.name}" type="{self.type}">'
+            f'<parent link="{self.parent}"/><parent_origin xyz="{self.parent_xyz}" rpy="0 0 0"/>'
+            f'{one}<child link="{self.child}"/>'
+            f'<child_origin xyz="{self.child_xyz}" rpy="0 0 0"/>{two}</constraint>'
+        )
+
+
+def urdf(
+    name: str,
+    joints: Iterable[J],
+    cuts: Iterable[Cut] = (),
+    *,
+    inputs: Mapping[str, str] | None = None,
+    home: Mapping[str, object] | None = None,
+    tip: str = "",
+    outputs: str = "x y z rx ry rz",
+) -> str:
+    joints, cuts = list(joints), list(cuts)
+    links = dict.fromkeys(link for j in joints for link in (j.parent, j.child))
+    parts = [f'<link name="{link}"/>' for link in links]
+    parts += [part.text() for part in (*joints, *cuts)]
+    parts += [
+        f'<transmission name="{q}"><joint name="{j}"/></transmission>'
+        for q, j in (inputs or {}).items()
+    ]
+    if tip:
+        parts.append(f'<task base="base" tip="{tip}" outputs="{outputs}"/>')
+    values = "".join(f'<joint name="{j}" value="{v}"/>' for j, v in (home or {}).items())
+    parts.append(f'<group_state name="home" group="{name}">{values}</group_state>')
+    return f'<robot name="{name}">' + "\n".join(parts) + "</robot>"
+
+
+def load(*args: object, **kwargs: object) -> cc.Mechanism:
+    return cc.load_urdf(urdf(*args, **kwargs), xacro=False)  # type: ignore[arg-type]
+
+
+def four_bar(inputs: Mapping[str, str] | None = None) -> cc.Mechanism:
+    return load(
+        "four_bar",
+        [
+            J("A", "base", "crank"),
+            J("B", "crank", "coupler", "0.15 0 0"),
+            J("D", "base", "rocker", "0.4 0 0"),
+        ],
+        [Cut("C", "coupler", "rocker", "0.35 0 0", "0.3 0 0")],
+        inputs={"q1": "A"} if inputs is None else inputs,
+        home={"A": 1.1, "B": -0.8, "D": 1.7},
+        tip="coupler",
+    )
+
+
+def six_bar(drive: str) -> cc.Mechanism:
+    """Stephenson III: a four-bar A B C D, and a dyad F G from its coupler point E to the base."""
+    return load(
+        "six_bar",
+        [
+            J("A", "base", "crank"),
+            J("B", "crank", "coupler", "0.15 0 0"),
+            J("D", "base", "rocker", "0.4 0 0"),
+            J("G", "base", "swing", "0.6 0.1 0"),
+            J("E", "coupler", "rod", "0.2 0.2 0"),
+        ],
+        [
+            Cut("C", "coupler", "rocker", "0.35 0 0", "0.3 0 0"),
+            Cut("F", "rod", "swing", "0.3 0 0", "0.25 0 0"),
+        ],
+        inputs={"q1": drive},
+        home={"A": 1.1, "B": -0.8, "D": 1.7, "G": 1.5, "E": 0.3},
+        tip="swing",
+    )
+
+
+def three_rrr() -> cc.Mechanism:
+    """Planar 3-RRR: three legs to a triangular platform."""
+    feet = [(0.0, 0.0), (0.6, 0.0), (0.3, 0.52)]
+    joints, cuts = [], []
+    joints.append(J("platform_pose", "base", "platform", type="floating"))
+    for i, (x, y) in enumerate(feet, 1):
+        joints.append(J(f"a{i}", "base", f"arm{i}", f"{x} {y} 0"))
+        joints.append(J(f"b{i}", f"arm{i}", f"rod{i}", "0.2 0 0"))
+        corner = f"{0.4 * (x - 0.3)} {0.4 * (y - 0.17)} 0"
+        cuts.append(Cut(f"c{i}", f"rod{i}", "platform", "0.2 0 0", corner))
+    home = {"a1": 1.2, "b1": -1.5, "a2": 2.9, "b2": -1.3, "a3": -1.6, "b3": -1.0}
+    return load(
+        "three_rrr",
+        joints,
+        cuts,
+        inputs={f"q{i}": f"a{i}" for i in (1, 2, 3)},
+        home={"platform_pose": "0.3 0.17 0 0 0 0 1", **home},
+        tip="platform",
+        outputs="x y rz",
+    )
+
+
+def spatial_four_bar(hooke: bool) -> cc.Mechanism:
+    """RSSR, or with ``hooke`` RUSR, whose rod cannot spin."""
+    rod = (
+        [
+            J("U1", "crank", "cross", "0.1 0 0", axis="0 1 0"),
+            J("U2", "cross", "rod", axis="0 0 1"),
+        ]
+        if hooke
+        else [J("rod_pose", "base", "rod", type="floating")]
+    )
+    cuts = [Cut("S2", "rod", "rocker", "0.4 0 0", "0 0.25 0", type="spherical")]
+    if not hooke:
+        cuts.insert(0, Cut("S1", "crank", "rod", "0.1 0 0", type="spherical"))
+    home = {"R1": 0.7} if hooke else {"R1": 0.7, "rod_pose": "0.08 0.06 0 0 0 0 1"}
+    return load(
+        "rusr" if hooke else "rssr",
+        [J("R1", "base", "crank"), J("R2", "base", "rocker", "0.35 0 0", axis="1 0 0"), *rod],
+        cuts,
+        inputs={"q1": "R1"},
+        home=home,
+        tip="rocker",
+    )
+
+
+def rods(count: int = 2) -> cc.Mechanism:
+    """A plate on equal parallel U-S rods, as the lower arm of a Delta robot, off the axes."""
+    joints = [J("frame", "base", "stand", rpy="0.3 -0.5 0.8", type="fixed")]
+    joints.append(J("plate_pose", "base", "plate", type="floating"))
+    cuts = []
+    for i in range(1, count + 1):
+        at = f"{0.1 * math.cos(i)} {0.1 * math.sin(i)} 0"
+        joints.append(J(f"u{i}1", "stand", f"cross{i}", at, axis="1 0 0"))
+        joints.append(J(f"u{i}2", f"cross{i}", f"rod{i}", axis="0 1 0"))
+        cuts.append(Cut(f"s{i}", f"rod{i}", "plate", "0 0 -0.5", at, type="spherical"))
+    return load("rods", joints, cuts, home=tilted_plate(), tip="plate")
+
+
+def tilted_plate() -> dict[str, object]:
+    import pinocchio as pin
+
+    rotation = pin.rpy.rpyToMatrix(0.3, -0.5, 0.8)
+    quaternion = pin.Quaternion(rotation).coeffs()
+    place = rotation @ [0.0, 0.0, -0.5]
+    return {"plate_pose": " ".join(f"{v:.12g}" for v in (*place, *quaternion))}
+
+
+def parallelogram() -> cc.Mechanism:
+    """Planar 4R parallelogram, in a plane along no axis."""
+    return load(
+        "parallelogram",
+        [
+            J("frame", "base", "stand", rpy="0.3 -0.5 0.8", type="fixed"),
+            J("A", "stand", "left"),
+            J("B", "left", "bar", "0.4 0 0"),
+            J("D", "stand", "right", "0 0.1 0"),
+        ],
+        [Cut("C", "bar", "right", "0 0.1 0", "0.4 0 0")],
+        inputs={"q1": "A"},
+        home={"A": 0.2, "B": -0.2, "D": 0.2},
+        tip="bar",
+    )
+
+
+def wedges() -> cc.Mechanism:
+    """Three prismatic joints in a plane."""
+    return load(
+        "wedges",
+        [
+            J("a", "base", "wedge", axis="1 0 0", type="prismatic"),
+            J("b", "base", "plunger", axis="0 1 0", type="prismatic"),
+        ],
+        [Cut("c", "wedge", "plunger", type="prismatic", axis="0.6 0.8 0", child_axis="0.6 0.8 0")],
+        inputs={"q1": "a"},
+        tip="plunger",
+    )
+
+
+def bennett() -> cc.Mechanism:
+    """Bennett's spatial four-bar: a sin(beta) = b sin(alpha)."""
+    alpha, beta = 0.7, 1.2
+    a, b = 0.3, 0.3 * math.sin(beta) / math.sin(alpha)
+    ratio = math.sin((beta + alpha) / 2) / math.sin((beta - alpha) / 2)
+    one = 0.9
+    two = 2.0 * math.atan2(ratio, math.tan(one / 2))
+    # each joint turns about z, then the link leads along x and twists about it
+    return load(
+        "bennett",
+        [
+            J("R1", "base", "link1"),
+            J("R2", "link1", "link2", f"{a} 0 0", rpy=f"{alpha} 0 0"),
+            J("R3", "link2", "link3", f"{b} 0 0", rpy=f"{beta} 0 0"),
+            J("R4", "link3", "link4", f"{a} 0 0", rpy=f"{alpha} 0 0"),
+            J("end", "link4", "tip", f"{b} 0 0", rpy=f"{beta} 0 0", type="fixed"),
+        ],
+        [Cut("weld", "base", "tip", type="fixed")],
+        inputs={"q1": "R1"},
+        home={"R1": one, "R2": two, "R3": -one, "R4": -two},
+        tip="link2",
+    )
+
+
+def truss() -> cc.Mechanism:
+    """Three bars, three hinges: nothing moves."""
+    return load(
+        "truss",
+        [J("A", "base", "bar"), J("B", "base", "other", "0.4 0 0")],
+        [Cut("C", "bar", "other", "0.3 0 0", "0.3 0 0")],
+        home={"A": 0.8, "B": 2.3},
+        tip="bar",
+    )
+
+
+def five_bar(coupled: bool = False, inputs: Mapping[str, str] | None = None) -> cc.Mechanism:
+    joints = [
+        J("A", "base", "left"),
+        J("B", "left", "left_rod", "0.2 0 0"),
+        J("E", "base", "right", "0.3 0 0", mimic="A" if coupled else ""),
+        J("D", "right", "right_rod", "0.2 0 0"),
+    ]
+    inputs = inputs or ({"q1": "A"} if coupled else {"q1": "A", "q2": "E"})
+    return load(
+        "five_bar",
+        joints,
+        [Cut("C", "left_rod", "right_rod", "0.3 0 0", "0.3 0 0")],
+        inputs=inputs,
+        home={"A": 2.2, "B": -1.3, "E": 0.9, "D": 1.3},
+        tip="left_rod",
+        outputs="x y",
+    )
+
+
+def arm_with_parallelogram() -> cc.Mechanism:
+    """A slide, a parallelogram on it, a wrist on that: the slide and the wrist are in no loop."""
+    return load(
+        "arm",
+        [
+            J("slide", "base", "carriage", axis="0 0 1", type="prismatic"),
+            J("A", "carriage", "left"),
+            J("B", "left", "bar", "0.4 0 0"),
+            J("D", "carriage", "right", "0 0.1 0"),
+            J("wrist", "bar", "hand", axis="1 0 0"),
+        ],
+        [Cut("C", "bar", "right", "0 0.1 0", "0.4 0 0")],
+        inputs={"q1": "slide", "q2": "A", "q3": "wrist"},
+        home={"A": 0.2, "B": -0.2, "D": 0.2},
+        tip="hand",
+    )
+
+
+def lone_arm() -> cc.Mechanism:
+    return load(
+        "lone_arm",
+        [J("A", "base", "upper"), J("B", "upper", "lower", "0.3 0 0", axis="0 1 0")],
+        inputs={"q1": "A", "q2": "B"},
+        home={"A": 0.1, "B": 0.2},
+        tip="lower",
+    )
+
+
+def gantry() -> cc.Mechanism:
+    """Three slides in series: fully decoupled."""
+    return load(
+        "gantry",
+        [
+            J("a", "base", "bridge", axis="1 0 0", type="prismatic"),
+            J("b", "bridge", "trolley", axis="0 1 0", type="prismatic"),
+            J("c", "trolley", "hook", axis="0 0 1", type="prismatic"),
+        ],
+        inputs={"q1": "a", "q2": "b", "q3": "c"},
+        tip="hook",
+        outputs="x y z",
+    )
