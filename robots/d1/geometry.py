@@ -8,14 +8,15 @@ S4..S6). All frames are parallel at home. Lengths are in metres.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
-from math import isfinite, sqrt
+from dataclasses import dataclass
+from math import sqrt
 from types import MappingProxyType
 from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
+from closedchain.robots.dimensions import check_dimensions, with_dimensions
 from closedchain.urdf.errors import DescriptionError, known_names
 
 FloatArray: TypeAlias = NDArray[np.float64]
@@ -49,6 +50,9 @@ VARIANTS: Mapping[str, Mapping[str, Vector3]] = MappingProxyType(
 the source omits; ``circle_u`` also puts U1 on the circle of the other two."""
 
 
+_RADII = ("radius_R", "radius_S", "radius_R4", "radius_S4")
+
+
 @dataclass(frozen=True)
 class Geometry:
     """Dimensions of D1, m; the defaults are the corrected numbers of section 6.
@@ -78,16 +82,7 @@ class Geometry:
 
     def __post_init__(self) -> None:
         """Check that every field is finite and every radius positive."""
-        for field in fields(self):
-            value = getattr(self, field.name)
-            size = 3 if field.name.startswith("U") else 1
-            numbers = tuple(value) if size == 3 else (value,)
-            if len(numbers) != size or not all(isfinite(x) for x in numbers):
-                raise DescriptionError(
-                    f"D1 field {field.name!r} needs {size} finite number(s) in m, not {value!r}"
-                )
-            if field.name.startswith("radius") and value <= 0.0:
-                raise DescriptionError(f"D1 field {field.name!r} must be positive, not {value!r}")
+        check_dimensions(self, "D1", positive=_RADII)
 
     @property
     def R(self) -> FloatArray:
@@ -178,12 +173,7 @@ def geometry(variant: str = "corrected", **overrides: float | Vector3) -> Geomet
     """
     if variant not in VARIANTS:
         raise DescriptionError(known_names(variant, "D1 variant", VARIANTS))
-    known = [field.name for field in fields(Geometry)]
-    for name in overrides:
-        if name not in known:
-            raise DescriptionError(known_names(name, "D1 field", known))
-    values: dict[str, float | Vector3] = {**VARIANTS[variant], **overrides}
-    return Geometry(**values)  # type: ignore[arg-type]
+    return with_dimensions(Geometry, "D1", {**VARIANTS[variant], **overrides})
 
 
 def rotation_from_quaternion(quaternion: FloatArray) -> FloatArray:

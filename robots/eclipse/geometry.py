@@ -8,13 +8,13 @@ origin P at the centre of the plate, S_a on its x axis. Metres and radians; the 
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
-from math import isfinite, pi, sqrt
+from math import pi, sqrt
 from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from closedchain.urdf.errors import DescriptionError
+from closedchain.robots.dimensions import check_dimensions
 
 FloatArray: TypeAlias = NDArray[np.float64]
 
@@ -49,18 +49,7 @@ class Geometry:
 
     def __post_init__(self) -> None:
         """Check that every length is finite and every size positive."""
-        for field in fields(self):
-            value = getattr(self, field.name)
-            if field.name == "z_c" and value is None:
-                continue
-            if not isfinite(value):
-                raise DescriptionError(
-                    f"Eclipse field {field.name!r} must be a finite number in m, not {value!r}"
-                )
-            if field.name != "z_c" and value <= 0.0:
-                raise DescriptionError(
-                    f"Eclipse field {field.name!r} must be positive, not {value!r}"
-                )
+        check_dimensions(self, "Eclipse", positive={f.name for f in fields(self)} - {"z_c"})
 
     @property
     def arc(self) -> NDArray[np.bool_]:

@@ -7,13 +7,14 @@ direction of its two revolute axes.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
-from math import isfinite, pi
+from dataclasses import dataclass
+from math import pi
 from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
+from closedchain.robots.dimensions import check_dimensions
 from closedchain.urdf.errors import DescriptionError
 
 FloatArray: TypeAlias = NDArray[np.float64]
@@ -53,12 +54,7 @@ class Geometry:
 
     def __post_init__(self) -> None:
         """Check that every length is finite and positive."""
-        for field in fields(self):
-            value = getattr(self, field.name)
-            if not isfinite(value) or value <= 0.0:
-                raise DescriptionError(
-                    f"linear Delta: {field.name!r} is {value!r}; it must be a length above 0 m"
-                )
+        check_dimensions(self, "linear Delta")
 
     @property
     def d(self) -> float:

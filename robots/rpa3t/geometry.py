@@ -7,14 +7,13 @@ about -y from x, beta is the angle of link 7 about z from x. Lengths are in metr
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
-from math import isfinite
+from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from closedchain.urdf.errors import DescriptionError, known_names
+from closedchain.robots.dimensions import check_dimensions, with_dimensions
 
 FloatArray: TypeAlias = NDArray[np.float64]
 BoolArray: TypeAlias = NDArray[np.bool_]
@@ -58,12 +57,7 @@ class Geometry:
 
     def __post_init__(self) -> None:
         """Check that every length is finite and positive."""
-        for field in fields(self):
-            value = getattr(self, field.name)
-            if not isfinite(value) or value <= 0.0:
-                raise DescriptionError(
-                    f"rpa3t field {field.name!r} must be a positive length in m, not {value!r}"
-                )
+        check_dimensions(self, "rpa3t")
 
 
 def geometry(**overrides: float) -> Geometry:
@@ -74,11 +68,7 @@ def geometry(**overrides: float) -> Geometry:
     DescriptionError
         Unknown field, or an impossible value.
     """
-    known = [field.name for field in fields(Geometry)]
-    for name in overrides:
-        if name not in known:
-            raise DescriptionError(known_names(name, "rpa3t field", known))
-    return Geometry(**overrides)
+    return with_dimensions(Geometry, "rpa3t", overrides)
 
 
 def split(triples: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -7,14 +7,14 @@ stage M1, whose feet A_i lie at the end of links F_i A_i turned by the common an
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
-from math import isfinite, pi
+from dataclasses import dataclass
+from math import pi
 from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from closedchain.urdf.errors import DescriptionError, known_names
+from closedchain.robots.dimensions import check_dimensions, with_dimensions
 
 FloatArray: TypeAlias = NDArray[np.float64]
 
@@ -63,12 +63,7 @@ class Geometry:
 
     def __post_init__(self) -> None:
         """Check that every field is finite and every length positive."""
-        for field in fields(self):
-            value = getattr(self, field.name)
-            if not isfinite(value):
-                raise DescriptionError(f"rus6 field {field.name!r} must be finite, not {value!r}")
-            if field.name in _POSITIVE and value <= 0.0:
-                raise DescriptionError(f"rus6 field {field.name!r} must be positive, not {value!r}")
+        check_dimensions(self, "rus6", positive=_POSITIVE)
 
     @property
     def theta(self) -> FloatArray:
@@ -162,11 +157,7 @@ def geometry(**overrides: float) -> Geometry:
     DescriptionError
         Unknown field, or an impossible value.
     """
-    known = [field.name for field in fields(Geometry)]
-    for name in overrides:
-        if name not in known:
-            raise DescriptionError(known_names(name, "rus6 field", known))
-    return Geometry(**overrides)
+    return with_dimensions(Geometry, "rus6", overrides)
 
 
 def rotation_ypr(yaw: ArrayLike, pitch: ArrayLike = 0.0, roll: ArrayLike = 0.0) -> FloatArray:

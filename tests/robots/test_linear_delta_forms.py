@@ -36,7 +36,7 @@ def test_geometry_matches_the_reference(ref: dict[str, Any]) -> None:
     stored = ref["geometry"]
     assert (G.a, G.b, G.c, G.t) == tuple(stored[name] for name in "abct")
     assert_close(ld.PHI, stored["phi"], DIGITS)
-    with pytest.raises(DescriptionError, match=r"'b' is -0\.5"):
+    with pytest.raises(DescriptionError, match=r"'b' must be positive, not -0\.5"):
         ld.Geometry(b=-0.5)
     with pytest.raises(DescriptionError, match="'t' is nan"):
         ld.Geometry(t=float("nan"))

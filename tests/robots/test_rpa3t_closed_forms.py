@@ -34,7 +34,7 @@ def test_dimensions_are_the_case_study(ref: dict[str, Any]) -> None:
 
 
 def test_impossible_dimensions_are_refused_by_name() -> None:
-    with pytest.raises(DescriptionError, match="'l4' must be a positive length"):
+    with pytest.raises(DescriptionError, match="'l4' must be positive"):
         rpa3t.geometry(l4=-0.8)
     with pytest.raises(DescriptionError, match=r"'l7'.*nan"):
         rpa3t.geometry(l7=float("nan"))

@@ -78,7 +78,7 @@ def test_geometry_refuses_what_it_does_not_know() -> None:
         geometry(LA=0.0)
     with pytest.raises(DescriptionError, match="'beta'"):
         geometry(beta=0.0)
-    with pytest.raises(DescriptionError, match="'H' must be finite"):
+    with pytest.raises(DescriptionError, match="'H' must be a finite number"):
         geometry(H=float("nan"))
     assert geometry(H=-0.1).H == -0.1
 
