@@ -38,7 +38,7 @@ def test_geometry_matches_the_reference(ref: dict[str, Any]) -> None:
     assert_close(ld.PHI, stored["phi"], DIGITS)
     with pytest.raises(DescriptionError, match=r"'b' must be positive, not -0\.5"):
         ld.Geometry(b=-0.5)
-    with pytest.raises(DescriptionError, match="'t' is nan"):
+    with pytest.raises(DescriptionError, match="'t' must be a finite number, not nan"):
         ld.Geometry(t=float("nan"))
 
 
