@@ -104,12 +104,19 @@ def _loops_within(graph: LoopGraph, pairs: Sequence[int]) -> list[Walk]:
     ]
 
 
-def pair_screws(mechanism: Mechanism, graph: LoopGraph, q: np.ndarray) -> PairScrews:
-    """Screws of all pairs at a closed posture ``q`` (nq,)."""
+def pair_screws(
+    mechanism: Mechanism, graph: LoopGraph, q: np.ndarray, about: np.ndarray | None = None
+) -> PairScrews:
+    """Screws of all pairs at a closed posture ``q`` (nq,).
+
+    ``about`` (3,) [m] is their reference point in the world, the joints' centroid by default.
+    """
     model, data = mechanism.model, mechanism.workspace.data
     pin.computeJointJacobians(model, data, q)
     places = [np.array(m.translation) for m in list(data.oMi)[1:]]
     centre = np.mean(places, axis=0) if places else np.zeros(3)
+    if about is not None:
+        centre = about
     closures = {c.name: c for c in mechanism.closures if isinstance(c, Closure)}
 
     def dimensionless(at_origin: np.ndarray, scale: np.ndarray) -> np.ndarray:

@@ -47,12 +47,7 @@ class Equations:
     def _scaling(self) -> np.ndarray:
         if not self.goals and self.free is self.mechanism.passive_v:
             return self.mechanism.passive_scaling
-        return self.mechanism.column_scale[self.free] / self.row_scale[:, None]
-
-    @cached_property
-    def all_free(self) -> bool:
-        """Whether every tangent coordinate is an unknown."""
-        return self.free.size == self.mechanism.model.nv
+        return np.asfortranarray(self.mechanism.column_scale[self.free] / self.row_scale[:, None])
 
     def evaluate(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Residual (rows,) [m, rad] and dimensionless Jacobian (rows, free) at ``q``."""
@@ -61,9 +56,8 @@ class Equations:
             extra = [goal_rows(self.mechanism, g) for g in self.goals]
             values = np.concatenate([values, *(e[0] for e in extra)])
             jacobian = np.vstack([jacobian, *(e[1] for e in extra)])
-        if not self.all_free:
-            jacobian = jacobian[:, self.free]
-        return values, jacobian * self._scaling
+        # columns are gathered, and stay, in the order in memory that LAPACK wants
+        return values, jacobian.T.take(self.free, axis=0).T * self._scaling
 
     def residual(self, q: np.ndarray) -> np.ndarray:
         """Residual (rows,) [m, rad] alone at ``q``."""
@@ -102,10 +96,10 @@ class Factors:
         lu, pivots, info = _lapack().dgetrf(matrix)
         diagonal = lu.diagonal()
         size = np.abs(diagonal)
-        if info != 0 or size.min() < PIVOT_LIMIT * size.max():
+        if info != 0 or size[size.argmin()] < PIVOT_LIMIT * size[size.argmax()]:
             return cls(lu, pivots, 0)
         swaps = np.count_nonzero(pivots != np.arange(pivots.size))
-        negative = np.count_nonzero(diagonal < 0.0)
+        negative = np.count_nonzero(np.signbit(diagonal))
         return cls(lu, pivots, -1 if (swaps + negative) % 2 else 1)
 
     def step(self, values: np.ndarray) -> np.ndarray:
@@ -237,4 +231,7 @@ def correct(
 
 def largest(values: np.ndarray) -> float:
     """Largest absolute entry; 0 for none."""
-    return max(float(values.max()), -float(values.min())) if values.size else 0.0
+    if not values.size:
+        return 0.0
+    size = np.abs(values)
+    return float(size[size.argmax()])

@@ -169,7 +169,7 @@ class Mechanism:
     @cached_property
     def passive_scaling(self) -> np.ndarray:
         """Factors (rows, passive) that make K in the passive columns dimensionless."""
-        return self.column_scale[self.passive_v] / self.row_scale[:, None]
+        return np.asfortranarray(self.column_scale[self.passive_v] / self.row_scale[:, None])
 
     @cached_property
     def limits(self) -> tuple[np.ndarray, np.ndarray]:

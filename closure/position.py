@@ -54,7 +54,12 @@ def direct(
     if not mechanism.inputs:
         raise ClosureError(f"mechanism {mechanism.name!r} has no inputs (<transmission> elements)")
     target = mechanism.input_vector(input_values, "input values")
-    start = mechanism.home if guess is None else mechanism.configuration(guess)
+    known = mechanism.workspace.last_direct
+    if known is not None and guess is known.q and not known.q.flags.writeable:
+        start = known.q  # an answer of this function, unchanged: neither checked nor closed again
+    else:
+        start = mechanism.home if guess is None else mechanism.configuration(guess)
+        known = known if known is not None and np.array_equal(known.q, start) else None
     equations = Equations(mechanism, mechanism.passive_v)
     begin = start[mechanism.input_q]
 
@@ -63,9 +68,7 @@ def direct(
         q[mechanism.input_q] = target if t == 1.0 else begin + t * (target - begin)
         return equations, q
 
-    first = mechanism.workspace.last_direct
-    if first is None or not np.array_equal(first.q, start):
-        first = _on_branch(equations, start)
+    first = _on_branch(equations, start) if known is None else known
     if first is None:
         found = descend(equations, at(start, 1.0)[1])
         return _not_closed(equations, found, "the guess has no branch: it is singular or open", 0)

@@ -74,6 +74,9 @@ class Workspace:
                 self.points, self.point_models, self.point_data, strict=True
             )
         ]
+        # views of the gaps that ``calc`` writes; their memory is that of ``point_data``
+        self.point_gaps = [data_.constraint_position_error for _, _, data_ in self.point_views]
+        self.only_points = bool(self.points) and len(self.points) == len(closures)
         self.point_rows = _as_index(
             np.concatenate(
                 [np.arange(0), *(np.arange(where.start, where.stop) for where, _, _ in self.points)]
@@ -94,8 +97,9 @@ class Workspace:
         """Closure residual (rows,) at ``q`` (nq,), unchecked."""
         model, data = self.model, self.data
         pin.forwardKinematics(model, data, q)
-        out = np.empty(self.rows)
-        self._point_residuals(out)
+        out = self._point_residuals()
+        if self.only_points:
+            return out
         for where, anchor, anchor_data in self.frames:
             anchor.calc(model, data, anchor_data)
             out[where] = anchor_data.constraint_position_error
@@ -109,9 +113,8 @@ class Workspace:
         """Residual (rows,) and its exact Jacobian (rows, nv) at ``q`` (nq,), unchecked."""
         model, data = self.model, self.data
         pin.computeJointJacobians(model, data, q)
-        out = np.empty(self.rows)
-        self._point_residuals(out)
-        if len(self.point_views) == self.rows // 3 and self.rows and self.rows % 3 == 0:
+        out = self._point_residuals()
+        if self.only_points:
             return out, pin.getConstraintsJacobian(model, data, self.point_models, self.point_data)
         jacobian = np.zeros((self.rows, model.nv))
         if self.point_views:
@@ -133,10 +136,17 @@ class Workspace:
             jacobian[where, coupling.leader_v] -= coupling.ratio
         return out, jacobian
 
-    def _point_residuals(self, out: np.ndarray) -> None:
-        for where, anchor, anchor_data in self.point_views:
-            anchor.calc(self.model, self.data, anchor_data)
-            out[where] = anchor_data.constraint_position_error
+    def _point_residuals(self) -> np.ndarray:
+        """Residual (rows,) with the rows of the spherical closures filled in."""
+        model, data = self.model, self.data
+        for _, anchor, anchor_data in self.point_views:
+            anchor.calc(model, data, anchor_data)
+        if self.only_points:
+            return np.concatenate(self.point_gaps)
+        out = np.empty(self.rows)
+        if self.point_gaps:
+            out[self.point_rows] = np.concatenate(self.point_gaps)
+        return out
 
     # -- second order ----------------------------------------------------------------------------
 
