@@ -117,11 +117,12 @@ def pair_screws(
     centre = np.mean(places, axis=0) if places else np.zeros(3)
     if about is not None:
         centre = about
+    arm = pin.skew(centre)
     closures = {c.name: c for c in mechanism.closures if isinstance(c, Closure)}
 
     def dimensionless(at_origin: np.ndarray, scale: np.ndarray) -> np.ndarray:
         """Screws at the world's origin [m, rad], per unit rates, moved to the centre."""
-        linear = at_origin[:3] + np.cross(at_origin[3:].T, centre).T
+        linear = at_origin[:3] - arm @ at_origin[3:]
         return np.vstack([linear / mechanism.length, at_origin[3:]]) * scale
 
     def screws(pair: Pair) -> np.ndarray:
@@ -149,11 +150,11 @@ def _free_screws(data: pin.Data, closure: Closure) -> np.ndarray:
     """What a cut joint leaves free, at the world's origin (6, freedoms) [m, rad]."""
     one = data.oMi[closure.joint1] * closure.placement1
     two = data.oMi[closure.joint2] * closure.placement2
-    point = one.translation
+    arm = pin.skew(one.translation)
     x, y, z = one.rotation.T
 
     def turn(axis: np.ndarray) -> np.ndarray:
-        return np.concatenate([np.cross(point, axis), axis])
+        return np.concatenate([arm @ axis, axis])
 
     def slide(axis: np.ndarray) -> np.ndarray:
         return np.concatenate([axis, np.zeros(3)])
