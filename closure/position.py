@@ -54,12 +54,11 @@ def direct(
     if not mechanism.inputs:
         raise ClosureError(f"mechanism {mechanism.name!r} has no inputs (<transmission> elements)")
     target = mechanism.input_vector(input_values, "input values")
-    known = mechanism.workspace.last_direct
-    if known is not None and guess is known.q and not known.q.flags.writeable:
-        start = known.q  # an answer of this function, unchanged: neither checked nor closed again
+    first = _answered(mechanism, guess)
+    if first is not None:
+        start = first.q
     else:
         start = mechanism.home if guess is None else mechanism.configuration(guess)
-        known = known if known is not None and np.array_equal(known.q, start) else None
     equations = Equations(mechanism, mechanism.passive_v)
     begin = start[mechanism.input_q]
 
@@ -68,7 +67,7 @@ def direct(
         q[mechanism.input_q] = target if t == 1.0 else begin + t * (target - begin)
         return equations, q
 
-    first = _on_branch(equations, start) if known is None else known
+    first = first or _on_branch(equations, start)
     if first is None:
         found = descend(equations, at(start, 1.0)[1])
         return _not_closed(equations, found, "the guess has no branch: it is singular or open", 0)
@@ -145,6 +144,16 @@ def inverse(
         why = f"the tip's path meets a singularity after {path.reached:.1%} of the way"
         start = path.last.q
     return _by_descent(mechanism, at(start, 1.0)[0], start, first is None, why, evaluations)
+
+
+def _answered(mechanism: Mechanism, guess: object) -> Corrected | None:
+    """Last answer of ``direct``, if the guess is that posture: it need not be closed again."""
+    last: Corrected | None = mechanism.workspace.last_direct
+    if last is None or not isinstance(guess, np.ndarray):
+        return None
+    # an array that nobody can have changed is the same without a look at its numbers
+    unchanged = guess is last.q and not guess.flags.writeable
+    return last if unchanged or np.array_equal(guess, last.q) else None
 
 
 def _by_descent(

@@ -1,7 +1,6 @@
 """Rows of the closures: slides and dots (see ``kinds``), the fixed closure's log6, couplings.
 
-Each row comes with its exact Jacobian and its drift. Twists are (linear, angular); the frames are
-world-aligned at the closure's own frame unless a comment says otherwise.
+Each row comes with its exact Jacobian and its drift. Twists are (linear, angular).
 """
 
 from __future__ import annotations
@@ -13,81 +12,60 @@ import pinocchio as pin
 
 from closedchain.closure.kinds import DOTS, SAME_SENSE, SLIDES, Closure, Coupling
 
-WORLD_ALIGNED = pin.LOCAL_WORLD_ALIGNED
-
 
 def coupling_residual(q: np.ndarray, c: Coupling) -> float:
     """Follower's value less what the leader asks for."""
     return float(q[c.follower_q] - c.ratio * q[c.leader_q] - c.offset)
 
 
-def axis_residual(data: pin.Data, closure: Closure) -> np.ndarray:
-    """Slide rows [m], then dot rows (rows,) of a closure."""
-    one = data.oMi[closure.joint1] * closure.placement1
-    two = data.oMi[closure.joint2] * closure.placement2
-    gap = two.translation - one.translation
-    slides = [one.rotation[:, a] @ gap for a in SLIDES[closure.kind]]
-    dots = [one.rotation[:, a] @ two.rotation[:, b] for a, b in DOTS[closure.kind]]
-    return np.array(slides + dots)
+class AxisRows:
+    """Slide and dot rows of one closure from its gap, the pose (R, p) of frame 2 in frame 1.
+
+    A slide is an entry of p, a dot one of R. A twist (v, w) of frame 2 against frame 1, at the
+    origin and along the axes of frame 1, changes them by dp = v + w x p and dR = [w] R, which is
+    linear in v, w and in (p, R): only that product is left to be done at a posture.
+    """
+
+    def __init__(self, closure: Closure) -> None:
+        """Lay out the rows."""
+        slides, dots = SLIDES[closure.kind], DOTS[closure.kind]
+        # entries of (p, R), R row by row
+        self.entries = np.array([*slides, *(3 + 3 * a + b for a, b in dots)])
+        self.senses = np.array([3 + 4 * a for a in SAME_SENSE.get(closure.kind, ())], dtype=int)
+        self.linear = np.zeros((self.entries.size, 3))
+        self.linear[range(len(slides)), slides] = 1.0
+        turns = np.zeros((self.entries.size, 3, 12))  # d row / d w, for each entry of (p, R)
+        for row, a in enumerate(slides):
+            turns[row, :, :3] = -pin.skew(np.eye(3)[a])  # e_a . (w x p) = w . (p x e_a)
+        for row, (a, b) in enumerate(dots, len(slides)):
+            turns[row][:, 3 + b :: 3] = -pin.skew(np.eye(3)[a])  # the same with column b of R
+        self.turns = turns.reshape(-1, 12)
+
+    def values(self, gap: pin.SE3) -> np.ndarray:
+        """Rows (rows,) [m], [rad]."""
+        return _flat(gap)[self.entries]
+
+    def evaluate(self, gap: pin.SE3, twists: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Rows (rows,) and their Jacobian (rows, nv), with the Jacobian (6, nv) of the twist."""
+        flat = _flat(gap)
+        angular = (self.turns @ flat).reshape(-1, 3)
+        return flat[self.entries], self.linear @ twists[:3] + angular @ twists[3:]
+
+    def drift(self, gap: pin.SE3, twist: np.ndarray, rate: np.ndarray) -> np.ndarray:
+        """Second derivative (rows,) for a twist (6,) and its rate (6,), both seen in frame 1."""
+        v, w, p, r = twist[:3], pin.skew(twist[3:]), gap.translation, gap.rotation
+        moving = np.concatenate([v + w @ p, (w @ r).ravel()])
+        angular = (self.turns @ _flat(gap)).reshape(-1, 3)
+        angular_rate = (self.turns @ moving).reshape(-1, 3)
+        return self.linear @ rate[:3] + angular @ rate[3:] + angular_rate @ twist[3:]
+
+    def least_sense(self, gap: pin.SE3) -> float:
+        """Least cosine of axes that a closed joint has parallel: negative where it is mirrored."""
+        return float(_flat(gap)[self.senses].min(initial=1.0))
 
 
-def axis_rows(model: pin.Model, data: pin.Data, closure: Closure) -> tuple[np.ndarray, np.ndarray]:
-    """Slide and dot rows with their exact Jacobian, see the module ``kinds``."""
-    one = data.oMi[closure.joint1] * closure.placement1
-    two = data.oMi[closure.joint2] * closure.placement2
-    jac1 = _frame_jacobian(model, data, closure.joint1, closure.placement1)
-    jac2 = _frame_jacobian(model, data, closure.joint2, closure.placement2)
-    gap = two.translation - one.translation
-    gap_rate, spin1, spin = jac2[:3] - jac1[:3], jac1[3:], jac1[3:] - jac2[3:]
-    axes = one.rotation[:, SLIDES[closure.kind]].T
-    # pin.skew: np.cross costs more than all the rest
-    slide_rows = axes @ (gap_rate + pin.skew(gap) @ spin1)
-    pairs = [(one.rotation[:, a], two.rotation[:, b]) for a, b in DOTS[closure.kind]]
-    dots = [axis1 @ axis2 for axis1, axis2 in pairs]
-    dot_axes = np.array([pin.skew(axis1) @ axis2 for axis1, axis2 in pairs])
-    rows = np.vstack([slide_rows, dot_axes @ spin]) if pairs else slide_rows
-    return np.array([*(axes @ gap), *dots]), rows
-
-
-def _frame_jacobian(model: pin.Model, data: pin.Data, joint: int, placement: pin.SE3) -> np.ndarray:
-    if joint == 0:
-        return np.zeros((6, model.nv))
-    return pin.getFrameJacobian(model, data, joint, placement, WORLD_ALIGNED)
-
-
-def axis_drift(model: pin.Model, data: pin.Data, closure: Closure) -> np.ndarray:
-    """Second derivative of the slide and dot rows along a motion without joint acceleration."""
-    one = data.oMi[closure.joint1] * closure.placement1
-    two = data.oMi[closure.joint2] * closure.placement2
-    v1, a1 = _point_motion(model, data, closure.joint1, closure.placement1)
-    v2, a2 = _point_motion(model, data, closure.joint2, closure.placement2)
-    gap = two.translation - one.translation
-    rate, acceleration = v2[:3] - v1[:3], a2[:3] - a1[:3]
-    w1, w2, alpha1 = v1[3:], v2[3:], a1[3:]
-    out = []
-    for a in SLIDES[closure.kind]:
-        axis = one.rotation[:, a]
-        axis_rate = np.cross(w1, axis)
-        axis_acceleration = np.cross(alpha1, axis) + np.cross(w1, axis_rate)
-        out.append(axis @ acceleration + 2.0 * axis_rate @ rate + axis_acceleration @ gap)
-    for a, b in DOTS[closure.kind]:
-        axis1, axis2 = one.rotation[:, a], two.rotation[:, b]
-        rate1, rate2 = np.cross(w1, axis1), np.cross(w2, axis2)
-        acc1 = np.cross(alpha1, axis1) + np.cross(w1, rate1)
-        acc2 = np.cross(a2[3:], axis2) + np.cross(w2, rate2)
-        out.append(acc1 @ axis2 + 2.0 * rate1 @ rate2 + axis1 @ acc2)
-    return np.array(out)
-
-
-def _point_motion(
-    model: pin.Model, data: pin.Data, joint: int, placement: pin.SE3
-) -> tuple[np.ndarray, np.ndarray]:
-    """Velocity and classical acceleration (6,) (linear, angular) of a frame, world axes."""
-    if joint == 0:
-        return np.zeros(6), np.zeros(6)
-    velocity = pin.getFrameVelocity(model, data, joint, placement, WORLD_ALIGNED)
-    acceleration = pin.getFrameClassicalAcceleration(model, data, joint, placement, WORLD_ALIGNED)
-    return velocity.vector, acceleration.vector
+def _flat(gap: pin.SE3) -> np.ndarray:
+    return np.concatenate([gap.translation, gap.rotation.ravel()])
 
 
 def fixed_drift(
@@ -128,11 +106,3 @@ def _right_jacobian_rate(xi: np.ndarray, xi_rate: np.ndarray) -> np.ndarray:
     block[:6, 6:12] = -pin.Motion(xi_rate).action
     block[:12, 12:] = np.eye(12)
     return np.asarray(expm(block)[:6, 18:24])
-
-
-def axis_senses(data: pin.Data, closure: Closure) -> list[float]:
-    """Cosines between the axes that a closed joint has parallel: negative where it is mirrored."""
-    one = data.oMi[closure.joint1] * closure.placement1
-    two = data.oMi[closure.joint2] * closure.placement2
-    axes = SAME_SENSE.get(closure.kind, ())
-    return [float(one.rotation[:, a] @ two.rotation[:, a]) for a in axes] or [1.0]

@@ -13,14 +13,7 @@ import numpy as np
 import pinocchio as pin
 
 from closedchain.closure.kinds import Closure, Coupling
-from closedchain.closure.rows import (
-    axis_drift,
-    axis_residual,
-    axis_rows,
-    axis_senses,
-    coupling_residual,
-    fixed_drift,
-)
+from closedchain.closure.rows import AxisRows, coupling_residual, fixed_drift
 from closedchain.urdf.errors import ClosureError
 
 
@@ -44,6 +37,7 @@ class Workspace:
         self.points: list[tuple[slice, pin.PointAnchorConstraintModel, Any]] = []
         self.frames: list[tuple[slice, pin.FrameAnchorConstraintModel, Any]] = []
         self.axes: list[tuple[slice, Closure]] = []
+        self.axis_views: list[tuple[slice, AxisRows, pin.FrameAnchorConstraintModel, Any]] = []
         self.couplings: list[tuple[slice, Coupling]] = []
         start = 0
         for closure in closures:
@@ -60,7 +54,9 @@ class Workspace:
                 anchor = _anchor(pin.FrameAnchorConstraintModel, model, closure)
                 self.frames.append((where, anchor, anchor.createData()))
             else:
+                anchor = _anchor(pin.FrameAnchorConstraintModel, model, closure)
                 self.axes.append((where, closure))
+                self.axis_views.append((where, AxisRows(closure), anchor, anchor.createData()))
         self.point_models = pin.StdVec_ConstraintModel()
         self.point_data = pin.StdVec_ConstraintData()
         for _, anchor, _ in self.points:
@@ -103,8 +99,9 @@ class Workspace:
         for where, anchor, anchor_data in self.frames:
             anchor.calc(model, data, anchor_data)
             out[where] = anchor_data.constraint_position_error
-        for where, closure in self.axes:
-            out[where] = axis_residual(data, closure)
+        for where, rows, anchor, anchor_data in self.axis_views:
+            anchor.calc(model, data, anchor_data)
+            out[where] = rows.values(anchor_data.c1Mc2)
         for where, coupling in self.couplings:
             out[where] = coupling_residual(q, coupling)
         return out
@@ -128,8 +125,10 @@ class Workspace:
             # the anchor's Jacobian is a relative twist in frame 1; the residual is log6(gap)
             to_log = pin.Jlog6(gap) @ gap.inverse().action
             jacobian[where] = to_log @ anchor.jacobian(model, data, anchor_data)
-        for where, closure in self.axes:
-            out[where], jacobian[where] = axis_rows(model, data, closure)
+        for where, rows, anchor, anchor_data in self.axis_views:
+            anchor.calc(model, data, anchor_data)
+            twists = anchor.jacobian(model, data, anchor_data)
+            out[where], jacobian[where] = rows.evaluate(anchor_data.c1Mc2, twists)
         for where, coupling in self.couplings:
             out[where] = coupling_residual(q, coupling)
             jacobian[where, coupling.follower_v] += 1.0
@@ -162,15 +161,24 @@ class Workspace:
         for where, anchor, anchor_data in self.frames:
             anchor.calc(model, data, anchor_data)
             out[where] = fixed_drift(model, data, anchor, anchor_data, v)
-        for where, closure in self.axes:
-            out[where] = axis_drift(model, data, closure)
+        for where, rows, anchor, anchor_data in self.axis_views:
+            anchor.calc(model, data, anchor_data)
+            twist = anchor.jacobian(model, data, anchor_data) @ v
+            rate = anchor_data.constraint_acceleration_error
+            out[where] = rows.drift(anchor_data.c1Mc2, twist, rate)
         return out
 
     def flipped(self, q: np.ndarray) -> list[str]:
         """Closures whose axes are opposed at ``q``: closed rows, yet the joint is mirrored."""
         pin.forwardKinematics(self.model, self.data, q)
-        closures = [closure for _, closure in self.axes]
-        return [c.describe() for c in closures if min(axis_senses(self.data, c)) < 0.0]
+        found = []
+        for (_, closure), (_, rows, anchor, anchor_data) in zip(
+            self.axes, self.axis_views, strict=True
+        ):
+            anchor.calc(self.model, self.data, anchor_data)
+            if rows.least_sense(anchor_data.c1Mc2) < 0.0:
+                found.append(closure.describe())
+        return found
 
 
 def _as_index(rows: np.ndarray) -> np.ndarray | slice:
