@@ -1,14 +1,18 @@
-"""The examples of the pages in docs/ run: every robot loads, every Python block is executed."""
+"""The examples of README and docs/ run: every robot loads, every Python block is executed."""
 
 import re
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
 
 import closedchain as cc
+from closedchain.cli import app
 
-DOCS = Path(__file__).resolve().parents[1] / "docs"
+ROOT = Path(__file__).resolve().parents[1]
+DOCS = ROOT / "docs"
 PAGES = {str(path.relative_to(DOCS)): path for path in sorted(DOCS.rglob("*.md"))}
+PAGES["README.md"] = ROOT / "README.md"
 
 
 def blocks(page: Path, language: str) -> list[str]:
@@ -49,3 +53,16 @@ def test_links_between_pages_lead_somewhere(page: str) -> None:
 def test_there_are_examples() -> None:
     assert full_robots(PAGES["urdf.md"])
     assert len(blocks(PAGES["urdf.md"], "python")) >= 2
+
+
+def test_what_the_readme_names_exists() -> None:
+    """Functions and commands of its table, and the make targets of its two commands."""
+    text = PAGES["README.md"].read_text()
+    assert set(re.findall(r"`cc\.(\w+)", text)) <= set(cc.__all__)
+    targets = re.findall(r"^(\w+):", (ROOT / "Makefile").read_text(), re.M)
+    assert {"demo", "test", "env", "check", "bench", "clean"} <= set(targets)
+    assert set(re.findall(r"make (\w+)", text)) <= set(targets)
+    commands = set(re.findall(r"`closedchain (\w+)", text))
+    help_page = CliRunner().invoke(app, ["--help"]).stdout
+    assert commands
+    assert all(re.search(rf"^ *\W? *{name}\b", help_page, re.M) for name in commands)
