@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from closedchain.analysis.first_order import FirstOrder, first_order
 from closedchain.closure.mechanism import Mechanism
-from closedchain.closure.ranks import Rank, numerical_rank
+from closedchain.closure.ranks import RANK_TOLERANCE, Rank, null_space
 from closedchain.urdf.errors import ClosureError
 
 _CONSISTENT = 1e-9  # dimensionless rate by which given input rates may miss the loops' demands
@@ -33,7 +33,8 @@ class Acceleration:
         Classical acceleration of the tip's origin and angular acceleration, world axes
         [m/s^2, rad/s^2].
     qdot, qddot : (nv,) arrays
-        Velocities and accelerations of all joints, in Pinocchio's tangent.
+        Velocities and accelerations of all joints, in Pinocchio's tangent. Idle freedoms, such as
+        the spin of a rod between two spherical joints, get the smallest rates that fit.
     rank : Rank
         Of the dimensionless K_p, with its gap.
     """
@@ -66,13 +67,13 @@ def acceleration(
         Malformed or open posture, no task, a direct singularity (the inputs do not determine the
         motion), or, with more inputs than freedoms, rates that the loops contradict.
     """
-    at = first_order(mechanism, q)
+    at = first_order(mechanism, q, "x y z rx ry rz")  # the whole tip must be determined
     va = mechanism.input_vector(v_inputs, "input velocities")
     aa = mechanism.input_vector(a_inputs, "input accelerations")
-    rank = numerical_rank(at.K_passive)
-    if rank.value < mechanism.passive_v.size:
+    free, rank = null_space(at.K_passive)
+    if np.abs(at.J[:, mechanism.passive_v] @ free).max(initial=0.0) > _CONSISTENT:
         raise ClosureError(
-            f"the inputs do not determine the motion: K_p has {rank}, "
+            f"the inputs do not determine the tip's motion: K_p has {rank}, "
             f"{mechanism.passive_v.size} needed (a direct singularity, or too few inputs)"
         )
     qdot = _joints(at, va, np.zeros(mechanism.rows), "velocities")
@@ -97,7 +98,7 @@ def _joints(at: FirstOrder, inputs: np.ndarray, drift: np.ndarray, what: str) ->
     a, p = m.input_v, m.passive_v
     scaled = inputs / at.column_unit[a]
     wanted = -at.K[:, a] @ scaled - drift / at.row_unit
-    passive = np.linalg.lstsq(at.K_passive, wanted, rcond=None)[0]
+    passive = np.linalg.lstsq(at.K_passive, wanted, rcond=RANK_TOLERANCE)[0]
     miss = np.abs(at.K_passive @ passive - wanted).max(initial=0.0)
     if miss > _CONSISTENT * (1.0 + np.abs(wanted).max(initial=0.0)):
         raise ClosureError(

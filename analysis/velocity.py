@@ -9,7 +9,9 @@ from numpy.typing import ArrayLike
 
 from closedchain.analysis.first_order import first_order
 from closedchain.closure.mechanism import Mechanism
-from closedchain.closure.ranks import Rank, null_space, numerical_rank
+from closedchain.closure.ranks import RANK_TOLERANCE, Rank, null_space
+
+_IDLE = 1e-9  # dimensionless rate below which the tip, or a loop, counts as at rest
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,8 +25,9 @@ class Velocity:
     Jq : (k, n_inputs) array
         Factor of the input rates.
     twist_map : (d, n_inputs) array or None
-        V = twist_map @ qdot_a; None where the inputs do not determine the motion. With more inputs
-        than freedoms it holds for the input rates that the loops allow, and for no others.
+        V = twist_map @ qdot_a; None where the inputs do not determine the tip's motion. Idle
+        freedoms, such as the spin of a rod between two spherical joints, do no harm. With more
+        inputs than freedoms it holds for the input rates that the loops allow, and for no others.
     outputs : tuple of str
     rank : Rank
         Of the dimensionless passive columns K_p: why there is a twist map, or none.
@@ -71,10 +74,13 @@ def velocity(
     w_closures, w_outputs = left[:rows].T, left[rows:].T
     jx = w_outputs / at.output_unit
     jq = (w_outputs @ at.J[:, a] + w_closures @ at.K[:, a]) / at.column_unit[a]
-    rank = numerical_rank(at.K_passive)
+    free, rank = null_space(at.K_passive)
+    passive = np.linalg.lstsq(at.K_passive, -at.K[:, a], rcond=RANK_TOLERANCE)[0]
+    # idle motions, such as a rod's spin between its two spherical joints, leave the tip at rest
+    moved = np.abs(at.J[:, p] @ free).max(initial=0.0)
+    missed = np.abs(at.K_passive @ passive + at.K[:, a]).max(initial=0.0)
     twist_map = None
-    if rank.value == p.size:
-        passive = np.linalg.lstsq(at.K_passive, -at.K[:, a], rcond=None)[0]
+    if not free.shape[1] or (moved < _IDLE and missed < _IDLE):
         dimensionless = at.J[:, a] + at.J[:, p] @ passive
         twist_map = dimensionless * at.output_unit[:, None] / at.column_unit[a]
     return Velocity(jx, jq, twist_map, at.outputs, rank)

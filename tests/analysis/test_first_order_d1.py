@@ -118,6 +118,41 @@ def test_no_twist_map_where_the_inputs_do_not_determine_the_motion(
     assert v.rank.gap > 1e6
 
 
+def test_idle_spin_of_a_rod_does_no_harm() -> None:
+    """A slider pulled by a rod between two spherical joints: the rod spins, the tip obeys."""
+    rod = """<robot name="pull"><link name="base"/><link name="crank"/><link name="rod"/>
+      <link name="slide"/>
+      <joint name="q" type="revolute"><parent link="base"/><child link="crank"/>
+        <axis xyz="0 0 1"/><limit lower="-3" upper="3" effort="1" velocity="1"/></joint>
+      <joint name="rod_pose" type="floating"><parent link="base"/><child link="rod"/></joint>
+      <joint name="s" type="prismatic"><parent link="base"/><child link="slide"/>
+        <axis xyz="1 0 0"/><limit lower="0" upper="9" effort="1" velocity="1"/></joint>
+      <constraint name="A" type="spherical"><parent link="crank"/><parent_origin xyz="0.3 0 0"/>
+        <child link="rod"/><child_origin xyz="0 0 0"/></constraint>
+      <constraint name="B" type="spherical"><parent link="slide"/><parent_origin xyz="0 0 0"/>
+        <child link="rod"/><child_origin xyz="1 0 0"/></constraint>
+      <transmission name="q"><joint name="q"/></transmission>
+      <task base="base" tip="slide" outputs="x"/>
+      <group_state name="home"><joint name="q" value="0.5"/>
+        <joint name="rod_pose" value="0.26327477 0.14382766 0 0 0 -0.07210187 0.9973973"/>
+        <joint name="s" value="1.25287765"/></group_state></robot>"""
+    m = cc.load_urdf(rod)
+    assert cc.mobility(m).mobility == 2
+    angle = float(m.input_values(m.home)[0])
+    found = cc.velocity(m, m.home)
+    assert found.rank.value == m.passive_v.size - 1  # the spin
+    # s = r cos q + sqrt(l^2 - r^2 sin^2 q)
+    root = np.sqrt(1.0 - (0.3 * np.sin(angle)) ** 2)
+    slope = -0.3 * np.sin(angle) - 0.09 * np.sin(angle) * np.cos(angle) / root
+    assert found.twist_map is not None
+    assert_close(found.twist_map, [[slope]], 1e-10)
+    assert_close(found.Jx @ found.twist_map, found.Jq, 1e-10)
+    motion = cc.acceleration(m, m.home, [2.0], [0.0])
+    h = 1e-4
+    ahead, here, behind = (cc.direct(m, [angle + s * h]).q[-1] for s in (1, 0, -1))
+    assert_close(motion.tip_acceleration[0], 4.0 * (ahead - 2 * here + behind) / h**2, 1e-6)
+
+
 def test_open_posture_is_refused(d1: cc.Mechanism) -> None:
     q = np.array(d1.home)
     q[d1.input_q[0]] += 0.01
