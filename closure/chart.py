@@ -30,11 +30,11 @@ class Chart:
     """Coordinates that fix a posture, with the values of those that are held.
 
     Names are those of inputs, of joints with one freedom, and of the tip: x y z [m] are its
-    origin in the world; rx ry rz [rad] the rotation vector, along the tip's axes at home, that takes
-    its orientation from home's (components that are no outputs are zero); tilt and azimuth [rad] in
-    their place say where the tool axis points. The tool axis is the tip axis that the two rotations
-    of a task leave alone, z for tasks with three rotations. Azimuth counts about the tool axis at
-    home, from the tip axis that follows it in the cycle x y z.
+    origin in the world; rx ry rz [rad] are the rotation vector from its orientation at home, along
+    its axes there (components that are no outputs are zero); tilt and azimuth [rad] in their place
+    say where the tool axis points. The tool axis is the tip axis that the two rotations of a task
+    leave alone, z for tasks with three rotations. Azimuth counts about the tool axis at home, from
+    the tip axis that follows it in the cycle x y z.
 
     Attributes
     ----------
