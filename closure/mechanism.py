@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from types import MappingProxyType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pinocchio as pin
@@ -17,6 +17,9 @@ from closedchain.closure.kinds import Closure, Coupling
 from closedchain.closure.workspace import Workspace
 from closedchain.urdf.description import OUTPUTS, Description, ParameterValue
 from closedchain.urdf.errors import ClosureError, known_names
+
+if TYPE_CHECKING:
+    from closedchain.closure.named import Postures
 
 QUATERNION_TOLERANCE = 1e-6
 LARGEST_NUMBER = 1e6  # metres or radians: beyond it rounding alone breaks the closure tolerance
@@ -180,6 +183,27 @@ class Mechanism:
                 lower[joint.idx_q] = self.model.lowerPositionLimit[joint.idx_q]
                 upper[joint.idx_q] = self.model.upperPositionLimit[joint.idx_q]
         return lower, upper
+
+    # -- named postures --------------------------------------------------------------------------
+
+    @cached_property
+    def postures(self) -> Postures:
+        """Closed posture (nq,) of each name, "home" first; closed when first asked for."""
+        from closedchain.closure.named import Postures
+
+        return Postures(self)
+
+    def posture(self, name: str) -> np.ndarray:
+        """Closed posture (nq,) of that name, write-protected: "home" or another of the description.
+
+        Raises
+        ------
+        ClosureError
+            Unknown name (lists the known ones), or loops that do not close as it states.
+        """
+        if name not in self.postures:
+            raise ClosureError(known_names(str(name), "posture", self.postures))
+        return self.postures[name]
 
     # -- reading a posture -----------------------------------------------------------------------
 

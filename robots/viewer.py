@@ -6,51 +6,62 @@ no server of Meshcat's runs, nothing is left over after an error, and the page n
 
 from __future__ import annotations
 
-import base64
 import contextlib
 import html
 import threading
 import webbrowser
+from collections.abc import Sequence
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
-from importlib.resources import files
 from types import TracebackType
-from typing import Literal
 
 import numpy as np
 from lxml import etree
 from numpy.typing import ArrayLike
 
 from closedchain.closure import Mechanism
-from closedchain.robots._scene import Recorder, draw
+from closedchain.robots._overlays import Overlay, legend_of
+from closedchain.robots._page import labels, page, player
+from closedchain.robots._player import draw_balls, player_data, readout_rows, trace_lines
+from closedchain.robots._scene import TO_Z, Recorder, Up, draw
+from closedchain.robots.animation import (
+    Animation,
+    Readout,
+    Trace,
+    checked_postures,
+    input_readouts,
+)
+from closedchain.robots.box import Box, boxed
+from closedchain.robots.overlays import PALETTE, Markers, Polyline, Surface
+from closedchain.urdf.errors import ClosureError
 
-Up = Literal["x", "y", "z"]
-
-_PAGE = """<!DOCTYPE html>
-<html lang="en">
-<head><meta charset="utf-8"><title>{title}</title>
-<style>
-body {{ margin: 0; font: 14px/1.5 system-ui, sans-serif; color: #222; }}
-#meshcat-pane {{ width: 100vw; height: 100vh; overflow: hidden; }}
-#legend {{ position: fixed; left: 16px; top: 12px; pointer-events: none; }}
-#legend h1 {{ font-size: 20px; margin: 0; }}
-#legend p {{ margin: 2px 0; max-width: 24em; }}
-#legend i {{ display: inline-block; width: 11px; height: 11px; margin-right: 7px; }}
-.dg.main {{ display: none; }}
-</style></head>
-<body><div id="meshcat-pane"></div>
-<div id="legend"><h1>{title}</h1>
-{legend}</div>
-<script>{library}</script>
-<script>
-var viewer = new MeshCat.Viewer(document.getElementById("meshcat-pane"));
-for (const command of [
-{commands}
-]) viewer.handle_command_bytearray(Uint8Array.from(atob(command), c => c.charCodeAt(0)));
-</script></body></html>
-"""
+__all__ = [
+    "PALETTE",
+    "Animation",
+    "Box",
+    "Markers",
+    "Overlay",
+    "Polyline",
+    "Readout",
+    "Served",
+    "Surface",
+    "Trace",
+    "Up",
+    "boxed",
+    "input_readouts",
+    "serve",
+    "static_page",
+]
 
 
-def static_page(mechanism: Mechanism, q: ArrayLike | None = None, *, up: Up = "z") -> str:
+def static_page(
+    mechanism: Mechanism,
+    q: ArrayLike | None = None,
+    *,
+    up: Up = "z",
+    overlays: Sequence[Overlay] = (),
+    animation: Animation | None = None,
+    title: str | None = None,
+) -> str:
     """Draw a mechanism as one HTML page that needs nothing but a browser.
 
     Visuals of the URDF are drawn with their colours. A mechanism without visuals, or with meshes
@@ -62,22 +73,52 @@ def static_page(mechanism: Mechanism, q: ArrayLike | None = None, *, up: Up = "z
         Posture; home by default.
     up : "x", "y" or "z"
         World axis that points up on the page.
+    overlays : sequence of Polyline, Surface, Markers and Box
+        Drawn with the robot, in world coordinates [m]; their labels make the legend.
+    animation : Animation, optional
+        Motion that the page plays, in place of ``q``. The address ``page.html#t=0.5`` shows the
+        posture at 0.5 s and does not play.
+    title : str, optional
+        Heading; the mechanism's name by default.
 
     Raises
     ------
     ClosureError
-        Malformed ``q``.
+        Malformed ``q``, ``up``, overlays or animation, or both ``q`` and an animation.
     """
-    q = mechanism.configuration(mechanism.home if q is None else q)
+    if up not in TO_Z:
+        raise ClosureError(f"up must be x, y or z, got {up!r}")
+    if animation is not None and q is not None:
+        raise ClosureError("give a posture q or an animation, not both")
+    overlays = tuple(overlays)
+    for item in overlays:
+        if not isinstance(item, Polyline | Surface | Markers | Box):
+            raise ClosureError(
+                f"overlays must be Polyline, Surface, Markers or Box, got {type(item).__name__}"
+            )
     recorder = Recorder()
-    note = draw(recorder, mechanism, q, up)
-    library = (files("meshcat") / "viewer" / "dist" / "main.min.js").read_text(encoding="utf-8")
-    encoded = (base64.b64encode(command).decode() for command in recorder.commands)
-    return _PAGE.format(
-        title=html.escape(mechanism.name),
-        legend=_legend(mechanism, q, note),
-        library=library,
-        commands=",\n".join(f'"{command}"' for command in encoded),
+    if animation is None:
+        q = mechanism.configuration(mechanism.home if q is None else q)
+        scene = draw(recorder, mechanism, q[None], up, overlays)
+        lines, rest = _state(mechanism, q), ""
+    else:
+        checked_postures(mechanism, animation.q)
+        traces = trace_lines(mechanism, animation)
+        overlays += traces
+        kept = animation.frames(mechanism.model.njoints + len(traces))
+        scene = draw(recorder, mechanism, animation.q[kept], up, overlays)
+        balls = draw_balls(scene.view, traces, scene.bodies.size)
+        data = player_data(
+            mechanism, animation, kept, scene.bodies, list(zip(balls, traces, strict=True))
+        )
+        rest = player(data, readout_rows(animation, kept), animation.times)
+        lines = [] if len(kept) == len(animation.q) else [_thinned(len(kept), len(animation.q))]
+    texts = [text for item in overlays if isinstance(item, Box) for text in item.labels()]
+    return page(
+        mechanism.name if title is None else title,
+        _legend(mechanism, [*lines, scene.bodies.note], legend_of(overlays)),
+        recorder.commands,
+        labels(scene.root, texts) + rest,
     )
 
 
@@ -86,16 +127,23 @@ def serve(
     q: ArrayLike | None = None,
     *,
     up: Up = "z",
+    overlays: Sequence[Overlay] = (),
+    animation: Animation | None = None,
+    title: str | None = None,
     open_browser: bool = False,
 ) -> Served:
     """Serve the page on this machine only, until ``close``; usable in a ``with`` statement.
 
+    The arguments are those of ``static_page``.
+
     Raises
     ------
     ClosureError
-        Malformed ``q``.
+        As ``static_page``.
     """
-    served = Served(static_page(mechanism, q, up=up))
+    served = Served(
+        static_page(mechanism, q, up=up, overlays=overlays, animation=animation, title=title)
+    )
     if open_browser:
         webbrowser.open(served.url)
     return served
@@ -155,7 +203,8 @@ class Served:
         self.close()
 
 
-def _legend(mechanism: Mechanism, q: np.ndarray, note: str) -> str:
+def _state(mechanism: Mechanism, q: np.ndarray) -> list[str]:
+    """Inputs and tip of a posture, in words."""
     lines = []
     if mechanism.inputs:
         values = zip(
@@ -165,10 +214,18 @@ def _legend(mechanism: Mechanism, q: np.ndarray, note: str) -> str:
     if mechanism.task is not None:
         x, y, z = np.round(mechanism.pose(q).translation, 9) + 0.0
         lines.append(f"tip {mechanism.task.tip} at ({x:.4g}, {y:.4g}, {z:.4g}) m")
-    paragraphs = [f"<p>{html.escape(line)}</p>" for line in (*lines, note) if line]
+    return lines
+
+
+def _thinned(kept: int, given: int) -> str:
+    return f"{kept} of {given} postures shown, the others passed over"
+
+
+def _legend(mechanism: Mechanism, lines: Sequence[str], overlays: str) -> str:
+    paragraphs = [f"<p>{html.escape(line)}</p>" for line in lines if line]
     for name, colour in _colours(mechanism).items():
         paragraphs.append(f'<p><i style="background: {colour}"></i>{html.escape(name)}</p>')
-    return "\n".join(paragraphs)
+    return "\n".join([*paragraphs, overlays])
 
 
 def _colours(mechanism: Mechanism) -> dict[str, str]:

@@ -1,6 +1,7 @@
 """Readers of the elements that say what the joints and links are for.
 
-``<transmission>`` (inputs), ``<task>``, ``<group_state name="home">`` and ``<remark>``.
+``<transmission>`` (inputs), ``<task>``, ``<group_state>`` (home and other named postures) and
+``<remark>``.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from closedchain.urdf.errors import known_names
 if TYPE_CHECKING:
     from lxml.etree import _Element as Element
 
-_BEYOND = 1e-9  # how far a home value may lie outside the limits, from rounding
+_BEYOND = 1e-9  # how far a stated value may lie outside the limits, from rounding
 _UNIT = 1e-6  # how far the length of a quaternion may be from one
 
 
@@ -84,20 +85,20 @@ def _all_outputs() -> str:
     return " ".join(OUTPUTS)
 
 
-def read_home(element: Element, joints: Mapping[str, Joint]) -> dict[str, tuple[float, ...]]:
-    """Read ``<group_state name="home">``: values of the joints listed, quaternions normalised."""
+def read_state(element: Element, joints: Mapping[str, Joint]) -> dict[str, tuple[float, ...]]:
+    """Read one ``<group_state>``: values of the joints listed, quaternions normalised."""
     _xml.allow(element, ("name", "group"), ("joint",))
-    home: dict[str, tuple[float, ...]] = {}
+    state: dict[str, tuple[float, ...]] = {}
     for reference in element:
         _xml.allow(reference, ("name", "value"))
         joint = _known_joint(reference, joints)
-        if joint.name in home:
+        if joint.name in state:
             raise _xml.error(reference, "the joint is listed twice")
-        home[joint.name] = _home_value(reference, joint)
-    return home
+        state[joint.name] = _state_value(reference, joint)
+    return state
 
 
-def _home_value(reference: Element, joint: Joint) -> tuple[float, ...]:
+def _state_value(reference: Element, joint: Joint) -> tuple[float, ...]:
     if joint.type == "fixed":
         raise _xml.error(reference, "a fixed joint has no value; remove it here")
     if joint.type == "floating":

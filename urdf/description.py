@@ -151,12 +151,17 @@ class Description:
     home : mapping joint name -> values
         The ``<group_state name="home">``: one value for a revolute or prismatic joint, seven
         (x y z qx qy qz qw) for a floating one. Joints not listed are at zero.
+    states : mapping name -> (mapping joint name -> values)
+        Every further ``<group_state>``, in document order. Joints not listed are as at home.
     ignored : tuple of str
         Elements that were read over on purpose (``<gazebo>`` and the like), one note each.
     parameters : mapping
         xacro arguments and the values in force.
     text : str
         The expanded URDF, without xacro; line numbers in errors refer to it.
+    source : str or None
+        File or text that it was expanded from, to expand it again with other parameters; None
+        where it was read from URDF text without parameters.
     """
 
     name: str
@@ -168,14 +173,18 @@ class Description:
     inputs: tuple[Input, ...] = ()
     task: Task | None = None
     home: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+    states: Mapping[str, Mapping[str, tuple[float, ...]]] = field(default_factory=dict)
     remarks: tuple[Remark, ...] = ()
     ignored: tuple[str, ...] = ()
     parameters: Mapping[str, ParameterValue] = field(default_factory=dict)
     text: str = field(default="", repr=False)
+    source: str | None = field(default=None, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         """Write-protect the mappings."""
         object.__setattr__(self, "home", MappingProxyType(dict(self.home)))
+        states = {name: MappingProxyType(dict(values)) for name, values in self.states.items()}
+        object.__setattr__(self, "states", MappingProxyType(states))
         object.__setattr__(self, "parameters", MappingProxyType(dict(self.parameters)))
 
     def __reduce__(self) -> tuple[object, ...]:
@@ -192,9 +201,11 @@ class Description:
                 self.inputs,
                 self.task,
                 dict(self.home),
+                {name: dict(values) for name, values in self.states.items()},
                 self.remarks,
                 self.ignored,
                 dict(self.parameters),
                 self.text,
+                self.source,
             ),
         )

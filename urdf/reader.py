@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
+from dataclasses import replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
@@ -23,7 +24,7 @@ from closedchain.urdf._checks import (
     root_of,
 )
 from closedchain.urdf._foreign import set_aside
-from closedchain.urdf._roles import read_home, read_input, read_remark, read_task
+from closedchain.urdf._roles import read_input, read_remark, read_state, read_task
 from closedchain.urdf._scan import scan
 from closedchain.urdf.constraint_element import CONSTRAINT, read_constraint
 from closedchain.urdf.description import Description, Joint, ParameterValue, Task
@@ -58,7 +59,12 @@ def load_description(
         Whatever is wrong with it.
     """
     expansion = expand(source, parameters, xacro=xacro)
-    return read(expansion.text, parameters=expansion.parameters)
+    found = read(expansion.text, parameters=expansion.parameters)
+    if not expansion.parameters:
+        return found
+    name = os.fsdecode(source)
+    text = name.lstrip("\ufeff \t\r\n").startswith("<")
+    return replace(found, source=name if text else os.path.abspath(name))
 
 
 def read(text: str, *, parameters: Mapping[str, ParameterValue] = _NONE) -> Description:
@@ -107,6 +113,7 @@ def read(text: str, *, parameters: Mapping[str, ParameterValue] = _NONE) -> Desc
     inputs = tuple(read_input(e, by_name, followers) for e in root.findall("transmission"))
     refuse_duplicates(inputs, "transmission")
     refuse_shared_joints(inputs)
+    states = _states(root, by_name)
     return Description(
         name=name,
         root=top,
@@ -116,7 +123,8 @@ def read(text: str, *, parameters: Mapping[str, ParameterValue] = _NONE) -> Desc
         couplings=couplings,
         inputs=inputs,
         task=_task(root, [link.name for link in links]),
-        home=_home(root, by_name, notes),
+        home=states.pop(_HOME, {}),
+        states=states,
         remarks=tuple(read_remark(element) for element in root.findall("remark")),
         ignored=tuple(notes),
         parameters=parameters,
@@ -148,18 +156,15 @@ def _task(root: Element, links: list[str]) -> Task | None:
     return None if element is None else read_task(element, links)
 
 
-def _home(
-    root: Element, joints: Mapping[str, Joint], notes: list[str]
-) -> dict[str, tuple[float, ...]]:
-    home: Element | None = None
+def _states(root: Element, joints: Mapping[str, Joint]) -> dict[str, dict[str, tuple[float, ...]]]:
+    """Every named posture, home among them, in document order."""
+    states: dict[str, dict[str, tuple[float, ...]]] = {}
+    lines: dict[str, int | None] = {}
     for element in root.findall("group_state"):
-        state = _xml.text(element, "name")
-        if state != _HOME:
-            notes.append(f"line {element.sourceline}: <group_state {state!r}> was not read")
-        elif home is not None:
+        name = _xml.text(element, "name")
+        if name in states:
             raise _xml.error(
-                element, f"there are two home postures; the first is at line {home.sourceline}"
+                element, f"there are two {name} postures; the first is at line {lines[name]}"
             )
-        else:
-            home = element
-    return {} if home is None else read_home(home, joints)
+        states[name], lines[name] = read_state(element, joints), element.sourceline
+    return states

@@ -35,6 +35,7 @@ from .tasks import (
     hexagon_waypoints,
     periodic,
     rest_to_rest,
+    step_waypoints,
     vertical_tool,
 )
 
@@ -81,6 +82,7 @@ __all__ = [
     "stage1",
     "stage1_polynomial",
     "stage2",
+    "step_waypoints",
     "three_points_on_circles",
     "vertical_tool",
     "vertical_tool_quaternions",

@@ -21,6 +21,8 @@ APPROACH, HOLE_DEPTH, HEXAGON_DEPTH = -1.0, -1.03, -1.02
 """Heights of the tip, m, frame A: between cuts, at the bottom of a hole, along the hexagon."""
 HEXAGON_RADIUS = 0.04
 """Circumradius of the hexagon, m."""
+STEP_HOLE_DEPTH, STEP_HEIGHT, STEP_RADIUS = -1.15, -0.8, 0.06
+"""Task on a step, m, frame A: bottom of its hole; height and circumradius of its hexagon."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,6 +129,19 @@ def hexagon_waypoints() -> FloatArray:
     x, z = around[0]
     above, home = (x, APPROACH, z), (0.0, APPROACH, 0.0)
     return np.array([home, above, *cut, above, home])
+
+
+def step_waypoints() -> FloatArray:
+    """Tip at the corners of a task on a step (13, 3), m, frame A: a deep hole, a raised hexagon.
+
+    A choice of this project. With q1, q2 or q3 locked at home's length the coupler cannot rise with
+    the tool, and the second stage is pressed flat: each of these locks ends the task at a
+    singularity. With all six legs it is done clear of any.
+    """
+    corners = [(0.0, APPROACH, 0.0), (0.0, STEP_HOLE_DEPTH, 0.0), (0.0, STEP_HEIGHT, 0.0)]
+    angles = [90.0 + 60.0 * k for k in range(7)]
+    corners += [(x, STEP_HEIGHT, z) for x, z in _on_circle(STEP_RADIUS, angles)]
+    return np.array([*corners, corners[2], corners[1], corners[0]])
 
 
 def rest_to_rest(

@@ -11,7 +11,7 @@ import pytest
 
 import closedchain as cc
 from closedchain.robots import robot
-from closedchain.robots.viewer import serve, static_page
+from closedchain.robots.viewer import Animation, Markers, serve, static_page
 
 CHROMIUM = next(
     filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None
@@ -121,6 +121,20 @@ def test_served_page_is_the_same_and_the_address_dies_with_close(
         missing.value.close()
     with pytest.raises(urllib.error.URLError):
         urllib.request.urlopen(url, timeout=5)
+
+
+def test_served_page_takes_what_a_static_one_takes(d1: cc.Mechanism) -> None:
+    overlays = [Markers(np.zeros((1, 3)), "inverse", label="origin")]
+    motion = Animation(np.array([d1.home, d1.home]), np.array([0.0, 1.0]))
+    with (
+        serve(d1, overlays=overlays, animation=motion, title="two") as served,
+        urllib.request.urlopen(served.url, timeout=5) as answer,
+    ):
+        text = answer.read().decode()
+    assert text == static_page(d1, overlays=overlays, animation=motion, title="two")
+    assert "<h1>two</h1>" in text
+    assert "origin</p>" in text
+    assert 'id="player"' in text
 
 
 def test_no_process_is_left_over(d1: cc.Mechanism) -> None:

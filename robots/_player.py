@@ -1,0 +1,120 @@
+"""An animation as data for the page's player: poses of bodies, and what hangs on them."""
+
+from __future__ import annotations
+
+import base64
+import html
+import json
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from closedchain.closure import Mechanism
+from closedchain.robots._body import Bodies, Stick, at, frame_point, joint_poses, positions
+from closedchain.robots._shapes import shares, spelled
+from closedchain.robots.animation import Animation, Readout
+from closedchain.robots.overlays import Polyline, css_colour
+
+_SPARKS = 300  # points of a small curve
+
+
+def trace_lines(mechanism: Mechanism, animation: Animation) -> tuple[Polyline, ...]:
+    """Lines of the traces through all postures. Raises ``ClosureError`` for unknown links."""
+    lines = []
+    for trace in animation.traces:
+        points = trace.along
+        if isinstance(points, str):
+            points = positions(mechanism, animation.q, frame_point(mechanism, points))
+        lines.append(trace.line(points))
+    return tuple(lines)
+
+
+def draw_balls(view: Any, lines: tuple[Polyline, ...], size: float) -> list[str]:
+    """Draw the ball of each line at its beginning; return their Meshcat paths."""
+    import meshcat.geometry as shapes
+
+    paths = []
+    for i, line in enumerate(lines):
+        colour = 0xCC79A7 if line.values is not None else int(css_colour(line.colour)[1:], 16)
+        node = view["tracers"][str(i)]
+        radius = 0.025 * size if line.width is None else 1.6 * line.width
+        node.set_object(shapes.Sphere(radius), shapes.MeshLambertMaterial(color=colour))
+        node.set_transform(at(line.points[0]))
+        paths.append(node.path.lower())
+    return paths
+
+
+def player_data(
+    mechanism: Mechanism,
+    animation: Animation,
+    kept: np.ndarray,
+    bodies: Bodies,
+    balls: list[tuple[str, Polyline]],
+) -> str:
+    """JSON for the player; ``kept`` are the indices of the postures that the page shows."""
+    poses = joint_poses(mechanism, animation.q[kept])
+    used = sorted(
+        {
+            joint
+            for part in bodies.parts
+            for joint in (
+                (part.begin[0], part.end[0]) if isinstance(part, Stick) else (part.joint,)
+            )
+        }
+    )
+    place = {joint: i for i, joint in enumerate(used)}
+    table = np.zeros((len(kept), len(used) + len(balls), 7), dtype="<f4")
+    table[:, :, 6] = 1.0
+    for joint, i in place.items():
+        table[:, i, :3] = poses[:, joint, :3, 3]
+        table[:, i, 3:] = [pin.Quaternion(pose[:3, :3]).coeffs() for pose in poses[:, joint]]
+    parts: list[dict[str, Any]] = []
+    sticks: list[dict[str, Any]] = []
+    for part in bodies.parts:
+        if isinstance(part, Stick):
+            ends = [{"body": place[j], "at": _rounded(p)} for j, p in (part.begin, part.end)]
+            sticks.append({"path": part.path, "ends": ends, "length": part.length})
+        else:
+            matrix = _rounded(part.placement.T.ravel())  # three.js takes columns
+            parts.append({"path": part.path, "body": place[part.joint], "matrix": matrix})
+    for i, (path, line) in enumerate(balls, start=len(used)):
+        table[:, i, :3] = line.points[kept]
+        parts.append({"path": path, "body": i, "matrix": _rounded(np.eye(4).ravel())})
+    data = {
+        "times": animation.times[kept].tolist(),
+        "bodies": table.shape[1],
+        "poses": base64.b64encode(table.tobytes()).decode(),
+        "parts": parts,
+        "sticks": sticks,
+        "readouts": [_shortened(readout.values[kept]) for readout in animation.readouts],
+    }
+    return json.dumps(data, separators=(",", ":")).replace("</", "<\\/")
+
+
+def readout_rows(animation: Animation, kept: np.ndarray) -> str:
+    """Rows of the page's table: name, number, curve over time with its least and greatest."""
+    times = animation.times
+    few = kept[np.unique(np.linspace(0, len(kept) - 1, min(_SPARKS, len(kept))).astype(int))]
+    return "\n".join(_row(readout, times, few) for readout in animation.readouts)
+
+
+def _row(readout: Readout, times: np.ndarray, few: np.ndarray) -> str:
+    low, high = float(readout.values.min()), float(readout.values.max())
+    across = 120.0 * (times[few] - times[0]) / (times[-1] - times[0])
+    down = 22.0 - 20.0 * shares(readout.values[few], (low, high))
+    curve = " ".join(f"{x:.1f},{y:.1f}" for x, y in zip(across, down, strict=True))
+    return (
+        f"<tr><th>{html.escape(readout.name)}</th><td></td><td>{html.escape(readout.unit)}</td>"
+        f'<td><svg width="120" height="24"><polyline points="{curve}"/>'
+        f'<line x1="0" x2="0" y1="0" y2="24"/></svg></td>'
+        f"<td>{'<br>'.join(spelled(np.array([high, low]), (low, high)))}</td></tr>"
+    )
+
+
+def _shortened(values: np.ndarray) -> list[float]:
+    return [float(f"{value:.6g}") for value in values]
+
+
+def _rounded(values: np.ndarray) -> list[float]:
+    return [float(x) for x in np.round(values, 9) + 0.0]

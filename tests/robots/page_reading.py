@@ -1,0 +1,92 @@
+"""Reading the viewer's pages: Meshcat's commands, the motion, and what a browser shows."""
+
+import base64
+import json
+import re
+import shutil
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import umsgpack
+
+CHROMIUM = next(
+    filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None
+)
+SLIDER = """<robot name="slider">
+  <link name="base"/><link name="carriage"/><link name="arm"/><link name="end"/>
+  <joint name="s" type="prismatic"><parent link="base"/><child link="carriage"/>
+    <axis xyz="1 0 0"/><limit lower="0" upper="3" effort="1" velocity="1"/></joint>
+  <joint name="a" type="revolute"><parent link="carriage"/><child link="arm"/>
+    <axis xyz="0 0 1"/><limit lower="-4" upper="4" effort="1" velocity="1"/></joint>
+  <joint name="f" type="fixed"><parent link="arm"/><child link="end"/><origin xyz="0 1 0"/></joint>
+  <constraint name="guide" type="planar">
+    <parent link="base"/><parent_origin xyz="0 0 0"/><parent_axis xyz="0 0 1"/>
+    <child link="end"/><child_origin xyz="0 0 0"/><child_axis xyz="0 0 1"/></constraint>
+  <group_state name="home"><joint name="s" value="0"/><joint name="a" value="0"/></group_state>
+</robot>"""
+SQUARE = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
+HALVES = np.array([[0, 1, 2], [0, 2, 3]])
+
+
+def drawn(page: str) -> list[dict[str, Any]]:
+    """Meshcat's commands inside a page."""
+    block = page[page.index("for (const command of [") :]
+    coded = re.findall(r'^"([A-Za-z0-9+/=]+)",?$', block, re.M)
+    return [umsgpack.unpackb(base64.b64decode(text)) for text in coded]
+
+
+def transforms(page: str) -> dict[str, np.ndarray]:
+    """Placements of Meshcat's nodes, (4, 4) by path."""
+    moves = (c for c in drawn(page) if c["type"] == "set_transform")
+    return {c["path"]: np.reshape(c["matrix"], (4, 4)).T for c in moves}
+
+
+def geometry(page: str, number: int) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+    """Material and arrays (n, k) of an overlay."""
+    (command,) = (
+        c
+        for c in drawn(page)
+        if c["type"] == "set_object" and c["path"] == f"/meshcat/robot/overlays/{number}"
+    )
+    data = command["object"]["geometries"][0]["data"]
+    packed = dict(data["attributes"])
+    if "index" in data:
+        packed["index"] = data["index"]
+    arrays = {}
+    for name, item in packed.items():
+        kind = np.uint32 if name == "index" else np.float32
+        arrays[name] = np.frombuffer(item["array"].data, kind).reshape(-1, item["itemSize"])
+    return command["object"]["materials"][0], arrays
+
+
+def motion(page: str) -> dict[str, Any]:
+    found = re.search(r'<script type="application/json" id="motion">(.*?)</script>', page, re.S)
+    assert found is not None
+    data = json.loads(found[1])
+    poses = np.frombuffer(base64.b64decode(data["poses"]), "<f4")
+    data["poses"] = poses.reshape(len(data["times"]), data["bodies"], 7)
+    return data
+
+
+def browse(page: str, folder: Path, *options: str, mark: str = "") -> str:
+    """What headless Chromium prints for a page."""
+    if CHROMIUM is None:
+        pytest.skip("no chromium, chromium-browser or google-chrome is installed")
+    (folder / "page.html").write_text(page)
+    done = subprocess.run(
+        [
+            *(CHROMIUM, "--headless=new", "--no-sandbox", "--disable-gpu", "--no-first-run"),
+            *("--disable-background-networking", f"--user-data-dir={folder / 'profile'}"),
+            *("--hide-scrollbars", "--window-size=800,600", "--virtual-time-budget=5000"),
+            *options,
+            (folder / "page.html").as_uri() + mark,
+        ],
+        check=True,
+        timeout=120,
+        capture_output=True,
+        text=True,
+    )
+    return done.stdout
