@@ -1,32 +1,26 @@
-"""Maps of the singularity measures over input values, as labelled arrays."""
+"""Maps of the singularity measures over coordinates of a mechanism, as labelled arrays."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from closedchain.analysis.first_order import first_order
-from closedchain.analysis.mobility import generic_rank
-from closedchain.analysis.singularities import determinants
-from closedchain.analysis.walk import OK, STATUSES, Grid, Progress, Walk, grid_of, walk
+from closedchain.analysis.grid import OK, Grid, Progress, grid_of
+from closedchain.analysis.labels import dataset, labelled
+from closedchain.analysis.measures import CHUNK, KINDS, measures_at
+from closedchain.analysis.walk import Walk
 from closedchain.closure.mechanism import Mechanism
 
 if TYPE_CHECKING:
+    import os
+
     import xarray as xr
 
-CHUNK = 1024  # cells whose matrices are held at once
-KINDS = ("direct", "inverse", "constraint")
-_LONG_NAMES = {
-    "sigma_direct": "singular value of K_p that vanishes at direct singularities",
-    "sigma_inverse": "singular value of [K; J] that vanishes at inverse singularities",
-    "sigma_constraint": "singular value of K that vanishes at constraint singularities",
-    "det_direct": "determinant of K_p, without sign where closure rows are redundant",
-    "det_inverse": "signed determinant of [K; J]",
-    "residual": "largest closure row",
-}
+    from closedchain.analysis.spreading import Job
 
 
 def singularity_map(
@@ -34,46 +28,95 @@ def singularity_map(
     over: Mapping[str, ArrayLike],
     at: Mapping[str, float] | ArrayLike | None = None,
     *,
+    mode: str | None = None,
     outputs: str | Sequence[str] | None = None,
     progress: bool | Progress = True,
     keep_q: bool = False,
+    save: str | os.PathLike[str] | None = None,
+    workers: Any = None,
+    client: Any = None,
+    chunk: int | Mapping[str, int] | None = None,
+    _reference: bool = False,
 ) -> xr.Dataset:
-    """Evaluate the singularity measures over a grid of input values, on one assembly branch.
+    """Evaluate the singularity measures over a grid of coordinates, on one branch.
 
     Parameters
     ----------
-    over : mapping of input name to rising values [m or rad]
-        One or more inputs; the branch is followed from the cell nearest to ``at`` outwards.
-    at : mapping of input name to value, or (nq,) array, optional
-        Values of the other inputs, or a posture whose branch is followed; home by default.
+    over : mapping of coordinate to rising values [m or rad]
+        One to six coordinates: inputs, other joints, or components x y z rx ry rz, tilt azimuth
+        torsion of the tip's pose, see ``closure.chart.Chart``. The branch is followed from the
+        cell nearest to the start outwards.
+    at : mapping of coordinate to value, or (nq,) array, optional
+        Values of coordinates that are held, or a posture whose branch is followed; home by
+        default.
+    mode : str, optional
+        Name of a posture of the description, see ``Mechanism.postures``, to start from.
     outputs : str, optional
         Outputs of the task; those of the description by default.
     progress : bool or callable
         True shows a bar on a terminal; a callable gets (what, done, total).
     keep_q : bool
         Also return the posture of every cell.
+    save : path, optional
+        Zarr store, written chunk by chunk; what is in it need not fit into memory. A run that was
+        stopped goes on where it stopped when it is asked for again.
+    workers : int or Dask client, optional
+        Threads; one for each core by default. The result does not depend on it.
+    client : dask.distributed.Client, optional
+        Workers elsewhere (extra ``closedchain[distributed]``).
+    chunk : int, or mapping of coordinate to int, optional
+        Cells along each axis of the tiles into which the work is cut.
 
     Returns
     -------
     xarray.Dataset
         Per cell: ``status`` (an index into its ``flag_meanings``), the three singular values, the
-        two signed determinants (where the matrices are square) and the residual, all missing (NaN)
-        where the status is not ok.
+        two determinants (where the matrices are square), the condition number of the twist map and
+        the residual, all missing (NaN) where the status is not ok. Opened from the store, and read
+        from it as it is used, where there is one.
 
     Raises
     ------
     ClosureError
-        Unknown inputs or outputs, values that do not rise, a start that cannot be reached.
+        Unknown coordinates, modes or outputs, values that do not rise or that no posture can have,
+        a start or cells that cannot be reached, a map that does not fit into memory, a store that
+        holds another map.
     """
+    # not above: threads, JSON and the like would take a fifth of the time of ``import closedchain``
+    from closedchain.analysis.anchor import anchor_of
+    from closedchain.analysis.journal import InMemory
     from closedchain.analysis.progress import reporting
+    from closedchain.analysis.rounds import fill
+    from closedchain.analysis.saving import opened, saved_run
+    from closedchain.analysis.scheduling import crew
+    from closedchain.analysis.spreading import Job
+    from closedchain.analysis.storage import in_memory
+    from closedchain.analysis.tiles import tiles_of
 
     names = mechanism.outputs(
         outputs if outputs is None or isinstance(outputs, str) else tuple(outputs)
     )
-    with reporting(progress) as report:
-        walked = walk(mechanism, grid_of(mechanism, over, at), report)
-        columns = evaluate(walked, mechanism, names, report)
-    return dataset(mechanism, walked, columns, names, keep_q=keep_q)
+    grid = grid_of(mechanism, over, at, outputs=outputs, mode=mode)
+    tiles = tiles_of(grid.shape, chunk, grid.names)
+    job = Job(grid, tiles, names, keep_q=keep_q, reference=_reference)
+    anchor = anchor_of(grid)
+    with reporting(progress) as report, crew(job, workers, client) as people:
+        if save is None:
+            store = in_memory(tiles, _measures(job, report), mechanism.model.nq, keep_q=keep_q)
+            fill(job, anchor, store, InMemory(), people, report)
+            arrays = {name: array for name, array in store.arrays.items() if name != "ends"}
+            return labelled(grid, arrays, names)
+        with saved_run(Path(save), job, _measures(job, report)) as run:
+            if run is not None:
+                fill(job, anchor, run.store, run.journal, people, report)
+    return opened(Path(save))
+
+
+def _measures(job: Job, report: Progress | None) -> tuple[str, ...]:
+    """Names of the measures that the mechanism has; the first that needs a compiled kernel."""
+    if report is not None and not job.cells.compiled():
+        report("compiling the kernel, once on this machine", 0, 0)
+    return tuple(job.cells.measures(job.grid.start[None]))
 
 
 def evaluate(
@@ -88,94 +131,13 @@ def evaluate(
     for begin in range(0, len(cells), CHUNK):
         chunk = cells[begin : begin + CHUNK]
         where = tuple(chunk.T)
-        for name, values in _chunk(mechanism, walked.q[where], outputs).items():
+        for name, values in measures_at(mechanism, walked.q[where], outputs).items():
             if name not in found:
                 found[name] = np.full(walked.status.shape, np.nan)
             found[name][where] = values
         if progress is not None:
             progress("singular values", begin + len(chunk), len(cells))
     return found
-
-
-def _chunk(
-    mechanism: Mechanism, postures: np.ndarray, outputs: tuple[str, ...]
-) -> dict[str, np.ndarray]:
-    """Measures of a few postures (n, nq), with one LAPACK call over the chunk for each matrix."""
-    n, r, d = len(postures), generic_rank(mechanism), len(outputs)
-    stacked = np.empty((n, mechanism.rows + d, mechanism.model.nv))
-    residual = np.empty(n)
-    for i, q in enumerate(postures):
-        stacked[i] = first_order(mechanism, q, outputs).stacked
-        residual[i] = np.abs(mechanism.workspace.residual(q)).max(initial=0.0)
-    closures, p = stacked[:, : mechanism.rows], mechanism.passive_v
-    passive = closures[:, :, p]
-    watched = {
-        "direct": (passive, min(r, p.size)),
-        "inverse": (stacked, r + d),
-        "constraint": (closures, r),
-    }
-    found = {}
-    for kind, (matrices, number) in watched.items():
-        values = np.linalg.svd(matrices, compute_uv=False)
-        none = np.full(n, 1.0 if number == 0 else 0.0)
-        in_range = 0 < number <= values.shape[1]
-        found[f"sigma_{kind}"] = values[:, number - 1] if in_range else none
-    signed = determinants(mechanism, closures, stacked[:, mechanism.rows :])
-    found |= {f"det_{kind}": values for kind, values in signed.items() if values is not None}
-    found["residual"] = residual
-    return found
-
-
-def dataset(
-    mechanism: Mechanism,
-    walked: Walk,
-    columns: Mapping[str, np.ndarray],
-    outputs: tuple[str, ...],
-    *,
-    keep_q: bool = False,
-) -> xr.Dataset:
-    """Label the arrays of a map."""
-    import pinocchio as pin
-    import xarray as xr
-
-    import closedchain
-
-    grid = walked.grid
-    units = dict(zip(mechanism.inputs, mechanism.input_units, strict=True))
-    coordinates = {
-        name: (name, values, {"units": units[name], "long_name": f"input {name}"})
-        for name, values in zip(grid.names, grid.values, strict=True)
-    }
-    meanings = {
-        "flag_values": np.arange(len(STATUSES), dtype=np.int8),
-        "flag_meanings": " ".join(s.replace(" ", "_") for s in STATUSES),
-    }
-    variables = {"status": (grid.names, walked.status, meanings)}
-    for name, values in columns.items():
-        labels: dict[str, object] = {"units": "m or rad" if name == "residual" else "1"}
-        variables[name] = (grid.names, values, {**labels, "long_name": _LONG_NAMES[name]})
-    if keep_q:
-        valid = np.where((walked.status == OK)[..., None], walked.q, np.nan)
-        variables["q"] = ((*grid.names, "nq"), valid, {"long_name": "configuration"})
-    held = {
-        f"held_{name}": float(value)
-        for name, value in zip(mechanism.inputs, grid.base, strict=True)
-        if name not in grid.names
-    }
-    return xr.Dataset(
-        variables,
-        coords=coordinates,
-        attrs={
-            "mechanism": mechanism.name,
-            "outputs": " ".join(outputs),
-            "characteristic_length": mechanism.length,
-            **{f"parameter_{k}": v for k, v in mechanism.parameters.items()},
-            **held,
-            "closedchain_version": closedchain.__version__,
-            "pinocchio_version": pin.__version__,
-            "numpy_version": np.__version__,
-        },
-    )
 
 
 __all__ = ["CHUNK", "KINDS", "Grid", "dataset", "evaluate", "singularity_map"]

@@ -5,20 +5,15 @@ from __future__ import annotations
 import textwrap
 from collections import Counter
 from dataclasses import dataclass
-from weakref import WeakKeyDictionary
 
 import numpy as np
-import pinocchio as pin
 
-from closedchain.analysis.first_order import first_order
+from closedchain.closure.generic import GenericRank, sampled_rank
 from closedchain.closure.kinds import FREEDOMS
 from closedchain.closure.mechanism import Mechanism
-from closedchain.closure.nearest import close
-from closedchain.closure.ranks import Rank, numerical_rank
+from closedchain.closure.ranks import Rank
 from closedchain.urdf.description import Description, Joint
 
-SAMPLES = 8
-SPREAD = 0.15  # dimensionless standard deviation of the guesses around home
 PAIR_SYMBOLS = {
     "revolute": "R",
     "continuous": "R",
@@ -68,16 +63,6 @@ class Mobility:
     text: str
 
 
-@dataclass(frozen=True)
-class _Generic:
-    rank: Rank
-    at_home: int
-    samples: int
-
-
-_GENERIC: WeakKeyDictionary[Mechanism, _Generic] = WeakKeyDictionary()
-
-
 def mobility(mechanism: Mechanism) -> Mobility:
     """Count links and pairs, find the generic rank, and say what they mean.
 
@@ -91,7 +76,7 @@ def mobility(mechanism: Mechanism) -> Mobility:
     freedoms = sum(_freedoms(symbol) * n for symbol, n in counts.items())
     couplings = len(mechanism.description.couplings)
     gruebler = 6 * (bodies - pairs - 1) + freedoms - couplings
-    generic = _generic(mechanism)
+    generic = sampled_rank(mechanism)
     rank = generic.rank
     degrees = mechanism.model.nv - rank.value
     redundant = mechanism.rows - rank.value
@@ -111,28 +96,7 @@ def mobility(mechanism: Mechanism) -> Mobility:
 
 def generic_rank(mechanism: Mechanism) -> int:
     """Rank r of the constraint Jacobian at a generic closed posture."""
-    return _generic(mechanism).rank.value
-
-
-def _generic(mechanism: Mechanism) -> _Generic:
-    if mechanism not in _GENERIC:
-        _GENERIC[mechanism] = _sample(mechanism)
-    return _GENERIC[mechanism]
-
-
-def _sample(mechanism: Mechanism) -> _Generic:
-    """Largest rank over home and random closed postures near it: rank can only drop elsewhere."""
-    rng = np.random.default_rng(0)
-    home = numerical_rank(first_order(mechanism, mechanism.home, task=False).K)
-    ranks = [home]
-    for _ in range(SAMPLES):
-        v = SPREAD * rng.standard_normal(mechanism.model.nv) * mechanism.column_scale
-        found = close(mechanism, guess=pin.integrate(mechanism.model, mechanism.home, v))
-        if found.converged:
-            ranks.append(numerical_rank(first_order(mechanism, found.q, task=False).K))
-    best = max(rank.value for rank in ranks)
-    narrow = min((rank for rank in ranks if rank.value == best), key=lambda rank: rank.gap)
-    return _Generic(narrow, home.value, len(ranks))
+    return sampled_rank(mechanism).rank.value
 
 
 def _bodies(description: Description) -> int:
@@ -189,7 +153,7 @@ def _text(
     bodies: int,
     freedoms: int,
     gruebler: int,
-    generic: _Generic,
+    generic: GenericRank,
 ) -> str:
     rank = generic.rank
     degrees = mechanism.model.nv - rank.value

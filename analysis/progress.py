@@ -5,12 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from closedchain.analysis.walk import Progress
+from closedchain.analysis.grid import Progress
 
 
 @contextmanager
 def reporting(progress: bool | Progress) -> Iterator[Progress | None]:
-    """Give what long work calls with (what, done, total): a bar, the caller's own, or nothing."""
+    """Give what long work calls with (what, done, total): a bar, the caller's own, or nothing.
+
+    A call with total 0 says what is going on without a measure of it. The bar shows what is done,
+    its rate and, with the rate so far, the time left.
+    """
     if callable(progress):
         yield progress
         return
@@ -18,7 +22,7 @@ def reporting(progress: bool | Progress) -> Iterator[Progress | None]:
         yield None
         return
     from rich.console import Console
-    from rich.progress import BarColumn, TaskID, TextColumn, TimeRemainingColumn
+    from rich.progress import BarColumn, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
     from rich.progress import Progress as Bar
 
     console = Console(stderr=True)
@@ -28,17 +32,20 @@ def reporting(progress: bool | Progress) -> Iterator[Progress | None]:
     columns = (
         TextColumn("{task.description}"),
         BarColumn(),
-        TextColumn("{task.completed}/{task.total} ({task.fields[rate]}/s)"),
+        TextColumn("{task.fields[count]}"),
+        TimeElapsedColumn(),
         TimeRemainingColumn(),
     )
     with Bar(*columns, console=console, transient=True) as bar:
         tasks: dict[str, TaskID] = {}
 
         def report(what: str, done: int, total: int) -> None:
+            whole = total or None
             if what not in tasks:
-                tasks[what] = bar.add_task(what, total=total, rate="-")
+                tasks[what] = bar.add_task(what, total=whole, completed=done, count="")
             task = bar.tasks[tasks[what]]
-            rate = f"{task.speed:.0f}" if task.speed else "-"
-            bar.update(tasks[what], completed=done, total=total, rate=rate)
+            rate = f", {task.speed:,.0f}/s" if task.speed else ""
+            count = f"{done:,} of {total:,}{rate}" if total else ""
+            bar.update(tasks[what], completed=done, total=whole, count=count)
 
         yield report

@@ -1,253 +1,289 @@
-"""The survey of a mechanism: maps of input space around home, singular curves, null space.
+"""The survey of a mechanism: maps of slices of its coordinates, singular sets, null space.
 
 This is what ``closedchain singularities`` runs; every part is also there by itself.
 """
 
 from __future__ import annotations
 
-import csv
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from closedchain.analysis.curves import SingularitySet, curves_of, meeting_points
-from closedchain.analysis.maps import dataset, evaluate
+from closedchain.analysis.grid import STATUSES, Progress, grid_of
+from closedchain.analysis.lattice import Lattice, lattice_of
+from closedchain.analysis.maps import singularity_map
+from closedchain.analysis.meeting import meeting
 from closedchain.analysis.redundancy import Redundancy, redundancy
-from closedchain.analysis.walk import STATUSES, Progress, grid_of, walk
+from closedchain.analysis.sets import set_of
+from closedchain.analysis.singular_set import KINDS, SingularitySet
+from closedchain.analysis.survey_plan import (
+    Names,
+    Range,
+    Wanted,
+    axes_of_slice,
+    check_slices,
+    default_slices,
+)
+from closedchain.analysis.walk import Walk
+from closedchain.closure.chart import TILTS
+from closedchain.closure.charting import chart_of, coordinate_names
 from closedchain.closure.mechanism import Mechanism
+from closedchain.urdf.description import OUTPUTS
 from closedchain.urdf.errors import ClosureError, known_names
 
 if TYPE_CHECKING:
     import xarray as xr
 
-RESOLUTION = 101
-SPAN = 1.0
-"""Half width of a slice, in characteristic lengths or radians, clipped to the joint limits."""
-
 
 @dataclass(frozen=True, eq=False)
 class Slice:
-    """One slice: the map of its cells and its singular curves and points."""
+    """One slice: the map of its cells and its singular sets.
 
-    inputs: tuple[str, str]
+    Attributes
+    ----------
+    map : xarray.Dataset
+        Of ``singularity_map``.
+    sets : tuple of SingularitySet
+        One for each kind asked for.
+    """
+
     map: xr.Dataset
-    direct: SingularitySet
-    inverse: SingularitySet
-    combined: SingularitySet
+    sets: tuple[SingularitySet, ...]
+
+    @property
+    def over(self) -> Names:
+        """Coordinates that vary, in order."""
+        return tuple(str(name) for name in self.map["status"].dims)
 
     @property
     def name(self) -> str:
         """Name of the slice, such as q1_q2."""
-        return "_".join(self.inputs)
+        return "_".join(self.over)
+
+    def set_of(self, kind: str) -> SingularitySet:
+        """The set of a kind. Raises ``ClosureError`` where it was not asked for."""
+        for found in self.sets:
+            if found.kind == kind:
+                return found
+        raise ClosureError(known_names(kind, "kind", [found.kind for found in self.sets]))
 
     @property
-    def sets(self) -> tuple[SingularitySet, SingularitySet, SingularitySet]:
-        """Direct, inverse, combined."""
-        return self.direct, self.inverse, self.combined
+    def direct(self) -> SingularitySet:
+        """Direct singularities."""
+        return self.set_of("direct")
+
+    @property
+    def inverse(self) -> SingularitySet:
+        """Inverse singularities."""
+        return self.set_of("inverse")
+
+    @property
+    def combined(self) -> SingularitySet:
+        """Singularities of both kinds at once."""
+        return self.set_of("combined")
 
 
 @dataclass(frozen=True, eq=False)
 class Survey:
-    """Slices of a mechanism and its null space at home."""
+    """Slices of a mechanism and its null space at home.
+
+    ``notes`` say what was left out, and why.
+    """
 
     mechanism: Mechanism
     slices: tuple[Slice, ...]
     redundancy: Redundancy
+    notes: tuple[str, ...] = ()
+
+    @property
+    def title(self) -> str:
+        """Heading of figures."""
+        return f"Singularities of {self.mechanism.name}"
 
     def summary(self) -> list[dict[str, object]]:
-        """Return one row a slice: cells by status, ranges, points on each singular set."""
+        """Return one row a slice: cells by status, points on each singular set, pieces."""
         rows = []
         for part in self.slices:
             status = part.map["status"].to_numpy()
-            row: dict[str, object] = {"slice": " x ".join(part.inputs), "cells": int(status.size)}
+            row: dict[str, object] = {"slice": " x ".join(part.over), "cells": int(status.size)}
             row |= {name: int((status == i).sum()) for i, name in enumerate(STATUSES)}
             for found in part.sets:
                 whole = "everywhere" if found.everywhere else len(found.q)
                 row[f"{found.kind} points"] = whole
-            row["curves"] = len(part.direct.pieces) + len(part.inverse.pieces)
+            row["pieces"] = sum(len(found.pieces) for found in part.sets)
             rows.append(row)
         return rows
 
     @property
     def text(self) -> str:
-        """Notes on the sets, and the null space at home."""
-        notes = [
-            f"{part.name}: {found.note}"
-            for part in self.slices
-            for found in part.sets
-            if found.note
-        ]
-        dropped = sum(found.dropped for part in self.slices for found in part.sets)
+        """Notes on slices and sets, and the null space at home."""
+        sets = [(part.name, found) for part in self.slices for found in part.sets]
+        said: dict[tuple[str, str], list[str]] = {}
+        for name, found in sets:
+            if found.note:
+                said.setdefault((found.kind, found.note), []).append(name)
+        notes = [f"{', '.join(names)}, {kind}: {note}" for (kind, note), names in said.items()]
+        dropped = sum(found.dropped for _, found in sets)
         if dropped:
-            notes.append(f"{dropped} contour vertices led to no singular posture and were dropped")
-        return "\n".join([*notes, "At home: " + self.redundancy.text])
+            notes.append(f"{dropped} places between cells led to no singular posture")
+        return "\n".join([*self.notes, *notes, "At home: " + self.redundancy.text])
 
 
 def survey(
     mechanism: Mechanism,
-    slices: Sequence[tuple[str, str]] | None = None,
+    slices: Sequence[Sequence[str]] | None = None,
     *,
-    ranges: Mapping[str, tuple[float, float]] | None = None,
+    ranges: Mapping[str, Range] | None = None,
     at: Mapping[str, float] | None = None,
-    resolution: int | Mapping[str, int] = RESOLUTION,
+    mode: str | None = None,
+    kinds: Iterable[str] = KINDS,
+    resolution: int | Mapping[str, int] | None = None,
     span: float | None = None,
     outputs: str | None = None,
+    workers: Any = None,
     progress: Progress | None = None,
 ) -> Survey:
-    """Map slices of input space around home and find the singular curves in them.
+    """Map slices of a mechanism's coordinates and find the singular sets in them.
 
     Parameters
     ----------
-    slices : pairs of input names, optional
-        By default the first two inputs and, with four or more, the two that begin the second half.
-    ranges : mapping of input name to (lowest, highest) value [m or rad], optional
-        ``span`` around home by default.
-    at : mapping of input name to value [m or rad], optional
-        Inputs held where a slice does not vary them; home by default.
-    resolution : int or mapping of input name to int
-        Cells along an axis.
+    slices : sequences of one to three coordinates, optional
+        Inputs, joints, and x y z rx ry rz tilt azimuth torsion of the tip, see
+        ``closure.chart.Chart``. By default two inputs (and two more), two positions of the tip,
+        and its tilt and azimuth, as far as the mechanism has them and its start allows.
+    ranges : mapping of coordinate to (lowest, highest) value [m or rad], optional
+        Around the start by default.
+    at : mapping of coordinate to value [m or rad], optional
+        Coordinates held where a slice does not vary them; as at the start by default.
+    mode : str, optional
+        Named posture to start from; home by default.
+    kinds : some of "direct", "inverse", "combined", "constraint"
+        Sets to look for; all by default.
+    resolution : int or mapping of coordinate to int, optional
+        Points along an axis; 401, 101 or 25 for one, two or three coordinates by default.
     span : float, optional
-        Half width around home in characteristic lengths or radians.
+        Half width of ranges not given, in characteristic lengths or radians. By default 1, and
+        less where the branch takes up little of that.
     outputs : str, optional
         Those of the task by default.
+    workers : int or Dask client, optional
+        As for ``singularity_map``.
     progress : callable, optional
         Called with (what, done, total).
 
     Raises
     ------
     ClosureError
-        Unknown inputs, bad ranges or resolution, fewer than two inputs, an input held that
-        every slice varies, a start that cannot be reached.
+        Unknown coordinates, kinds or mode, bad ranges or resolution, a coordinate held that every
+        slice varies, a start from which a slice asked for cannot be followed.
     """
+    kinds = tuple(kinds)
+    for kind in kinds:
+        if kind not in KINDS:
+            raise ClosureError(known_names(str(kind), "kind of singularity", KINDS))
     names = mechanism.outputs(outputs)
-    pairs = list(slices) if slices is not None else _default_slices(mechanism)
-    ranges, at = dict(ranges or {}), dict(at or {})
-    _check(mechanism, pairs, ranges, at)
-    parts = []
-    for pair in pairs:
-        axes = {
-            name: _axis(mechanism, name, ranges.get(name), _cells(resolution, name), span)
-            for name in pair
-        }
-        held = {name: value for name, value in at.items() if name not in pair}
-        walked = walk(mechanism, grid_of(mechanism, axes, held or None), progress)
-        found = evaluate(walked, mechanism, names, progress)
-        direct = curves_of(mechanism, "direct", walked, found, names, progress)
-        inverse = curves_of(mechanism, "inverse", walked, found, names, progress)
-        combined = meeting_points(mechanism, direct, inverse, walked, names)
-        labelled = dataset(mechanism, walked, found, names)
-        parts.append(Slice((pair[0], pair[1]), labelled, direct, inverse, combined))
-    return Survey(mechanism, tuple(parts), redundancy(mechanism, mechanism.home, names))
+    at, wanted = dict(at or {}), Wanted(dict(ranges or {}), resolution, span)
+    for name in (*wanted.ranges, *at):
+        if name not in coordinate_names(mechanism):
+            raise ClosureError(known_names(name, "coordinate", coordinate_names(mechanism)))
+    if mode is not None:
+        mechanism.posture(mode)
 
-
-def write_survey(result: Survey, folder: Path) -> dict[str, Path]:
-    """Write map.nc (one group a slice), singularities.csv and map.png into a folder.
-
-    Returns
-    -------
-    mapping of file name to path
-
-    Raises
-    ------
-    OSError
-        The folder cannot be written.
-    """
-    import xarray as xr
-
-    from closedchain.analysis.figures import draw_survey
-
-    folder.mkdir(parents=True, exist_ok=True)
-    paths = {name: folder / name for name in ("map.nc", "singularities.csv", "map.png")}
-    tree = xr.DataTree.from_dict({part.name: part.map for part in result.slices})
-    tree.to_netcdf(paths["map.nc"], engine="h5netcdf")
-    _write_points(result, paths["singularities.csv"])
-    draw_survey(result, paths["map.png"])
-    return paths
-
-
-def _write_points(result: Survey, path: Path) -> None:
-    """One row for each polished point; q columns in Pinocchio's order."""
-    mechanism = result.mechanism
-    header = [
-        *("slice", "set", "piece", "kinds"),
-        *(f"{n} [{u}]" for n, u in zip(mechanism.inputs, mechanism.input_units, strict=True)),
-        *("sigma_direct", "sigma_inverse", "sigma_constraint"),
-        *(f"q[{i}]" for i in range(mechanism.model.nq)),
-    ]
-    with path.open("w", newline="") as file:
-        writer = csv.writer(file)
-        writer.writerow(header)
-        for part in result.slices:
-            for found in part.sets:
-                for number, piece in enumerate(found.pieces):
-                    for i in piece:
-                        q = found.q[i]
-                        writer.writerow(
-                            [
-                                *(part.name, found.kind, number, "+".join(sorted(found.kinds[i]))),
-                                *(float(x) for x in q[mechanism.input_q]),
-                                *(float(s) for s in found.sigmas[i]),
-                                *(float(x) for x in q),
-                            ]
-                        )
-
-
-def _default_slices(mechanism: Mechanism) -> list[tuple[str, str]]:
-    names = mechanism.inputs
-    if len(names) < 2:
-        raise ClosureError(
-            f"{mechanism.name!r} has {len(names)} input(s); a slice needs two inputs to vary"
-        )
-    pairs = [(names[0], names[1])]
-    if len(names) >= 4:
-        half = len(names) // 2
-        pairs.append((names[half], names[half + 1]))
-    return pairs
-
-
-def _check(
-    mechanism: Mechanism,
-    pairs: Sequence[tuple[str, str]],
-    ranges: Mapping[str, tuple[float, float]],
-    at: Mapping[str, float],
-) -> None:
-    for name in [*(n for pair in pairs for n in pair), *ranges, *at]:
-        if name not in mechanism.inputs:
-            raise ClosureError(known_names(name, "input", mechanism.inputs))
-    for pair in pairs:
-        if len(pair) != 2 or pair[0] == pair[1]:
-            raise ClosureError(f"a slice needs two different inputs, got {' '.join(pair)}")
+    asked = [tuple(map(str, s)) for s in slices] if slices is not None else []
+    check_slices(asked)
     for name in at:
-        if all(name in pair for pair in pairs):
-            raise ClosureError(f"input {name!r} is held, but every slice varies it")
+        if asked and all(name in over for over in asked):
+            raise ClosureError(f"coordinate {name!r} is held, but every slice varies it")
+    chosen = []
+    left_out: dict[str, list[str]] = {}
+    for over in asked or default_slices(mechanism, names):
+        try:
+            held = _held(mechanism, over, at, names, alone=len(asked) == 1)
+            axes = axes_of_slice(mechanism, over, held, wanted, outputs=names, mode=mode)
+        except ClosureError as error:
+            if asked:
+                raise
+            left_out.setdefault(str(error), []).append(" x ".join(over))
+        else:
+            chosen.append((axes, held))
+    notes = [f"no slice over {', nor '.join(o)}: {why}" for why, o in left_out.items()]
+    if not chosen:
+        why = "; ".join(notes) or "it has no inputs and no outputs that could vary"
+        raise ClosureError(f"{mechanism.name!r} has no slice to show: {why}")
+    parts = [
+        _slice(mechanism, axes, held, mode, kinds, names=names, workers=workers, progress=progress)
+        for axes, held in chosen
+    ]
+    return Survey(
+        mechanism, tuple(parts), redundancy(mechanism, mechanism.home, names), tuple(notes)
+    )
 
 
-def _cells(resolution: int | Mapping[str, int], name: str) -> int:
-    n = resolution if isinstance(resolution, int) else resolution.get(name, RESOLUTION)
-    if not 3 <= n <= 5000:
-        raise ClosureError(f"resolution of {name} must lie between 3 and 5000 cells, got {n}")
-    return n
+def _held(
+    mechanism: Mechanism, over: Names, at: Mapping[str, float], outputs: Names, *, alone: bool
+) -> dict[str, float]:
+    """What of ``at`` a slice holds: all of it, or with several slices what is its own to hold."""
+    held = {name: value for name, value in at.items() if name not in over}
+    if alone or not held:
+        return held
+    own = chart_of(mechanism, over, outputs=outputs).held
+    if set(over) & set(TILTS):  # the other spelling of the rotation would be refused
+        held = {n: v for n, v in held.items() if n not in OUTPUTS[3:]}
+    return {name: value for name, value in held.items() if name in own}
 
 
-def _axis(
+def _slice(
     mechanism: Mechanism,
-    name: str,
-    given: tuple[float, float] | None,
-    n: int,
-    span: float | None,
-) -> np.ndarray:
-    i = mechanism.inputs.index(name)
-    index = mechanism.input_q[i]
-    if given is not None:
-        low, high = map(float, given)
-    else:
-        half = (SPAN if span is None else span) * mechanism.column_scale[mechanism.input_v[i]]
-        low, high = mechanism.home[index] - half, mechanism.home[index] + half
-        low = max(low, mechanism.limits[0][index])
-        high = min(high, mechanism.limits[1][index])
-    if not (np.isfinite([low, high]).all() and low < high):
-        raise ClosureError(f"range of {name} must rise and be finite, got {low:g} to {high:g}")
-    return np.linspace(low, high, n)
+    axes: Mapping[str, np.ndarray],
+    at: Mapping[str, float],
+    mode: str | None,
+    kinds: Names,
+    *,
+    names: Names,
+    workers: Any,
+    progress: Progress | None,
+) -> Slice:
+    """Map a slice once, and look for all sets on the postures of that map."""
+    over = " x ".join(axes)
+
+    def report(what: str, done: int, total: int) -> None:
+        if progress is not None:
+            progress(f"{over}: {what}", done, total)
+
+    found = singularity_map(
+        mechanism,
+        axes,
+        dict(at) or None,
+        mode=mode,
+        outputs=names,
+        progress=report,
+        keep_q=True,
+        workers=workers,
+    )
+    if mode is not None and not at:
+        found.attrs["start"] = f"mode {mode}"
+    grid = grid_of(mechanism, axes, dict(at) or None, outputs=names, mode=mode)
+    walked = Walk(grid, found["status"].to_numpy(), found["q"].to_numpy())
+    columns = {str(name): found[name].to_numpy() for name in found.data_vars}
+    lattice = lattice_of(walked, columns, names)
+    return Slice(found.drop_vars("q"), _sets(lattice, kinds, names, report))
+
+
+def _sets(
+    lattice: Lattice, kinds: Names, outputs: Names, report: Progress
+) -> tuple[SingularitySet, ...]:
+    """Sets of each kind; combined ones from the direct and the inverse set, traced once."""
+    traced: dict[str, SingularitySet] = {}
+
+    def of(kind: str) -> SingularitySet:
+        if kind not in traced:
+            traced[kind] = (
+                meeting(lattice, of("direct"), of("inverse"), outputs)
+                if kind == "combined"
+                else set_of(lattice, kind, outputs, report)
+            )
+        return traced[kind]
+
+    return tuple(of(kind) for kind in kinds)

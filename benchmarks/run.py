@@ -20,6 +20,7 @@ os.environ.update(dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1"
 from rich.console import Console
 from rich.table import Table
 
+from benchmarks import batch
 from benchmarks.cases import CASES, OURS, map_rate, rows
 from benchmarks.timing import Row
 
@@ -68,9 +69,9 @@ def table(measured: list[dict[str, object]]) -> Table:
 
 
 def measure(repeats: int, cells: int) -> list[Row]:
-    """Every row; no map for ``cells`` 0."""
+    """Every row; no map and no batch kernel for ``cells`` 0."""
     measured = [row for case in CASES for row in rows(case, repeats)]
-    return [*measured, map_rate(cells)] if cells else measured
+    return [*measured, *batch.rows(cells), map_rate(cells)] if cells else measured
 
 
 def main() -> None:

@@ -119,14 +119,16 @@ class Chart:
             Of the varying coordinates [m or rad].
         """
         values = np.atleast_2d(np.asarray(values, dtype=float))
+        held, varying, columns = self._pins
+        pins = np.tile(held, (len(values), 1))
+        pins[:, varying] = values[:, columns]
+        if not self.outputs:
+            return pins, np.tile(np.eye(3), (len(values), 1, 1)), np.zeros((len(values), 3))
         everything = dict(self.held) | dict(zip(self.names, values.T, strict=True))
 
         def column(name: str, default: float = 0.0) -> np.ndarray:
             return np.broadcast_to(everything.get(name, default), len(values))
 
-        pins = np.zeros((len(values), len(self.joints)))
-        for i, name in enumerate(self.joints):
-            pins[:, i] = column(name)
         home = self._home_pose
         places = np.stack([column(n, home.translation[i]) for i, n in enumerate("xyz")], axis=1)
         if self.tilting:
@@ -134,6 +136,13 @@ class Chart:
         else:
             turns = rotations(np.stack([column(n) for n in OUTPUTS[3:]], axis=1))
         return pins, home.rotation @ turns, places
+
+    @cached_property
+    def _pins(self) -> tuple[np.ndarray, list[int], list[int]]:
+        """Values of the held joints (joints,), which joints vary, and with which coordinates."""
+        held = np.array([self.held.get(name, 0.0) for name in self.joints], dtype=float)
+        varying = [i for i, name in enumerate(self.joints) if name in self.names]
+        return held, varying, [self.names.index(self.joints[i]) for i in varying]
 
     def _tilts(self, tilt: np.ndarray, azimuth: np.ndarray, torsion: np.ndarray) -> np.ndarray:
         first, second, tool = self._tip_axes
@@ -209,9 +218,9 @@ class Chart:
 
     def equations(self, values: ArrayLike) -> Equations:
         """Closures and tip goal at coordinates (k,), in the unknowns ``free``."""
-        _, turns, places = self.prescribed(values)
         if self._goal is None:
             return Equations(self.mechanism, self.free)
+        _, turns, places = self.prescribed(values)
         target = pin.SE3(turns[0], places[0])
         g = Goal(self._goal.frame, self._goal.joint, self._goal.placement, target, self.outputs)
         return Equations(self.mechanism, self.free, (g,))

@@ -25,6 +25,8 @@ def chart_of(
     names: Sequence[str],
     at: At = None,
     outputs: str | Sequence[str] | None = None,
+    *,
+    start: ArrayLike | None = None,
 ) -> Chart:
     """Chart in which ``names`` vary.
 
@@ -37,10 +39,12 @@ def chart_of(
     names : coordinates that vary
         Inputs, joints, x y z rx ry rz, or tilt and azimuth (and torsion), see ``Chart``.
     at : mapping of coordinate to value, or (nq,) array, optional
-        Values of held coordinates, reached from home along its branch; or a closed posture that
-        gives all of them. Home by default.
+        Values of held coordinates, reached from the start along its branch; or a closed posture
+        that gives all of them. As at the start by default.
     outputs : str, optional
         Outputs of the task; those of the description by default.
+    start : (nq,) array, optional
+        Closed posture whose branch is meant; home by default.
 
     Raises
     ------
@@ -60,9 +64,9 @@ def chart_of(
             outputs if outputs is None or isinstance(outputs, str) else tuple(outputs)
         )
         _check_tip(mechanism, task, tip_names)
-    start = mechanism.home
     if at is not None and not isinstance(at, Mapping):
-        start = _closed(mechanism, at)
+        start = at
+    start = mechanism.home if start is None else _closed(mechanism, start)
     asked_joints = tuple(n for n in asked if n not in tip_names)
     joints = _filled(mechanism, names, asked_joints, task, tilting, start)
     chart = _with_held(Chart(mechanism, names, joints, task, tilting, {}, start), start)
@@ -119,7 +123,7 @@ def _closed(mechanism: Mechanism, q: ArrayLike) -> np.ndarray:
     gap = float(np.abs(mechanism.workspace.residual(q)).max(initial=0.0))
     if gap > 1e-6:
         raise ClosureError(
-            f"the posture given as at= is not closed (largest gap {gap:.3g}); close it first "
+            f"the posture to start from is not closed (largest gap {gap:.3g}); close it first "
             "(cc.close, cc.direct or cc.inverse)"
         )
     # to the last digit, inputs held where that is possible
@@ -167,9 +171,12 @@ def _filled(
     return tuple(sorted(joints, key=joint_names(mechanism).index))
 
 
-def _with_held(chart: Chart, q: np.ndarray) -> Chart:
-    """The same chart with every coordinate that does not vary held as it is at ``q``."""
-    every = chart.every_value(q)
+def _with_held(chart: Chart, q: np.ndarray, given: Mapping[str, float] | None = None) -> Chart:
+    """The same chart with every coordinate that does not vary held as given, or as it is at ``q``.
+
+    A posture does not tell all of them: the azimuth of an upright tip can be any.
+    """
+    every = chart.every_value(q) | dict(given or {})
     held = {n: float(every[n]) for n in every if n not in chart.names}
     return Chart(chart.mechanism, chart.names, chart.joints, chart.outputs, chart.tilting, held, q)
 
@@ -183,7 +190,7 @@ def _moved(chart: Chart, given: Mapping[str, float]) -> Chart:
     if not chart.outputs and set(chart.joints) == set(mechanism.inputs):
         home = dict(zip(mechanism.inputs, mechanism.input_values(chart.start), strict=True))
         q = direct(mechanism, home | dict(given), guess=chart.start).raise_if_failed().q
-        return _with_held(chart, q)
+        return _with_held(chart, q, given)
     line = Chart(
         mechanism,
         (*given, *chart.names),
@@ -200,10 +207,10 @@ def _moved(chart: Chart, given: Mapping[str, float]) -> Chart:
     if path.refusal is not None:
         where = ", ".join(f"{n}={v:g}" for n, v in given.items())
         raise ClosureError(
-            f"the held values {where} cannot be reached from home: the straight way there ends "
-            f"after {path.reached:.1%}"
+            f"the held values {where} cannot be reached from the start: the straight way there "
+            f"ends after {path.reached:.1%}"
         )
-    return _with_held(chart, path.last.q)
+    return _with_held(chart, path.last.q, given)
 
 
 def straight(chart: Chart, begin: np.ndarray, target: np.ndarray) -> Path:

@@ -12,7 +12,9 @@ from numpy.typing import ArrayLike
 from closedchain.analysis.follow.following import METHODS, Method, follow
 from closedchain.analysis.follow.result import Follow
 from closedchain.analysis.follow.task_path import Poses
+from closedchain.analysis.progress import reporting
 from closedchain.analysis.redundancy import redundancy
+from closedchain.analysis.walk import Progress
 from closedchain.closure.mechanism import Mechanism
 from closedchain.urdf.errors import ClosureError
 
@@ -106,6 +108,7 @@ def compare(
     start: ArrayLike | None = None,
     methods: Sequence[Method] = METHODS,
     lock_values: Mapping[str, ArrayLike] | None = None,
+    progress: bool | Progress = False,
     **options: Any,
 ) -> Comparison:
     """Follow a task with every admissible number of inputs locked, and with none.
@@ -117,6 +120,8 @@ def compare(
     lock_values : mapping of input to (k,) array, optional
         More values [m or rad] at which to lock an input by itself; each input is locked at its
         value at ``start`` in any case.
+    progress : bool or callable
+        True for a bar on a terminal, or a function of (what, done, total).
     options
         As for ``follow``: times, objective, limits, speed_limits, ...
 
@@ -138,18 +143,26 @@ def compare(
         raise ClosureError(
             f"{mechanism.name!r} has no redundant motion for outputs {' '.join(names)}: {why}"
         )
-    common: dict[str, Any] = {"outputs": names, "start": start, **options}
-    runs: dict[str, Follow] = {}
-    for choice in found.locks:
-        runs[f"{' '.join(choice)} locked"] = follow(mechanism, task_path, lock=choice, **common)
+    ways: dict[str, dict[str, Any]] = {
+        f"{' '.join(choice)} locked": {"lock": choice} for choice in found.locks
+    }
     for name, values in (lock_values or {}).items():
         for value in np.atleast_1d(np.asarray(values, dtype=float)):
-            lock = {name: float(value)}
-            runs[f"{name} = {value:.4g}"] = follow(mechanism, task_path, lock=lock, **common)
-    for method in methods:
-        runs[method] = follow(mechanism, task_path, method=method, **common)
+            ways[f"{name} = {value:.4g}"] = {"lock": {name: float(value)}}
+    ways |= {method: {"method": method} for method in methods}
+    common: dict[str, Any] = {"outputs": names, "start": start, **options}
+    runs: dict[str, Follow] = {}
+    with reporting(progress) as report:
+        for name, way in ways.items():
+            each = report is not None and _prefixed(report, name)
+            runs[name] = follow(mechanism, task_path, progress=each, **way, **common)
     rows = tuple(_row(name, run) for name, run in runs.items())
     return Comparison(rows, tuple(runs.values()))
+
+
+def _prefixed(report: Progress, name: str) -> Progress:
+    """Progress of one run among several."""
+    return lambda what, done, total: report(f"{name}: {what}", done, total)
 
 
 def _row(name: str, run: Follow) -> ComparisonRow:

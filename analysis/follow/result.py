@@ -101,18 +101,18 @@ class Follow:
         import xarray as xr
 
         m = self.problem.mechanism
-        per_input = {"unit": " ".join(m.input_units)}
+        per_input = {"units": " ".join(m.input_units)}
         found = xr.Dataset(
             {
                 "inputs": (("time", "input"), self.inputs.copy(), per_input),
                 "input_speeds": (
                     ("time", "input"),
                     self.input_speeds.copy(),
-                    {"unit": " ".join(f"{u}/s" for u in m.input_units)},
+                    {"units": " ".join(f"{u}/s" for u in m.input_units)},
                 ),
                 "q": (("time", "configuration"), self.q.copy()),
                 **{
-                    name: ("time", getattr(self, name).copy(), {"unit": "1"})
+                    name: ("time", getattr(self, name).copy(), {"units": "1"})
                     for name in (
                         "sigma_direct",
                         "sigma_inverse",
@@ -122,11 +122,11 @@ class Follow:
                     )
                 },
                 **{
-                    name: ("time", getattr(self, name).copy(), {"unit": "m or rad"})
+                    name: ("time", getattr(self, name).copy(), {"units": "m or rad"})
                     for name in ("residual", "task_error")
                 },
             },
-            coords={"time": ("time", self.times.copy(), {"unit": "s"}), "input": list(m.inputs)},
+            coords={"time": ("time", self.times.copy(), {"units": "s"}), "input": list(m.inputs)},
             attrs={
                 "mechanism": m.name,
                 "outputs": " ".join(self.problem.outputs),
@@ -140,11 +140,16 @@ class Follow:
         return found
 
     def to_csv(self, path: str | os.PathLike[str]) -> Path:
-        """Write one row a sample: time, tip, inputs, speeds, measures. Raises ``OSError``."""
+        """Write one row a sample: time, place of the tip, inputs, speeds, measures.
+
+        Raises ``OSError``.
+        """
         m = self.problem.mechanism
         units = dict(zip(m.inputs, m.input_units, strict=True))
+        tip = np.array([m.pose(q).translation for q in self.q]).reshape(-1, 3)
         columns = {
             "t [s]": self.times,
+            **{f"{n} [m]": tip[:, i] for i, n in enumerate("xyz")},
             **{f"{n} [{u}]": self.inputs[:, i] for i, (n, u) in enumerate(units.items())},
             **{f"d{n} [{u}/s]": self.input_speeds[:, i] for i, (n, u) in enumerate(units.items())},
             "sigma_direct": self.sigma_direct,

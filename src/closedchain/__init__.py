@@ -1,39 +1,10 @@
 """Kinematics and singularities of closed-chain (parallel) manipulators, on Pinocchio."""
 
-from closedchain.analysis import (
-    Acceleration,
-    Accelerators,
-    Classification,
-    Dependence,
-    Hessian,
-    LegVelocity,
-    LoopGraph,
-    Mobility,
-    Network,
-    Poc,
-    Redundancy,
-    SingularitySet,
-    Stop,
-    Structure,
-    Track,
-    Velocity,
-    acceleration,
-    accelerators,
-    classify,
-    dependence,
-    hessian,
-    leg_velocity,
-    loops,
-    mobility,
-    network,
-    poc,
-    redundancy,
-    singularity_map,
-    singularity_set,
-    structure,
-    track,
-    velocity,
-)
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
 from closedchain.closure import (
     Closure,
     Mechanism,
@@ -49,7 +20,73 @@ from closedchain.closure import (
 from closedchain.robots import load, robots
 from closedchain.urdf.errors import ClosedChainError, ClosureError, DescriptionError
 
+if TYPE_CHECKING:
+    from closedchain.analysis._stops import Stop
+    from closedchain.analysis.acceleration import Acceleration, acceleration
+    from closedchain.analysis.accelerators import Accelerators, accelerators
+    from closedchain.analysis.dependence import Dependence, dependence
+    from closedchain.analysis.follow import Comparison, ComparisonRow, Follow, compare, follow
+    from closedchain.analysis.follow.task_path import TaskPath, read_task_path, task_path
+    from closedchain.analysis.hessian import Hessian, hessian
+    from closedchain.analysis.legs import LegVelocity, leg_velocity
+    from closedchain.analysis.loops import LoopGraph, loops
+    from closedchain.analysis.maps import singularity_map
+    from closedchain.analysis.mobility import Mobility, mobility
+    from closedchain.analysis.network import Network, network
+    from closedchain.analysis.open_chains import Structure
+    from closedchain.analysis.poc import Poc, poc
+    from closedchain.analysis.redundancy import Redundancy, Split, redundancy
+    from closedchain.analysis.self_motion import SelfMotion, self_motion
+    from closedchain.analysis.sets import singularity_set
+    from closedchain.analysis.singular_set import SingularitySet
+    from closedchain.analysis.singularities import Classification, classify
+    from closedchain.analysis.structure import structure
+    from closedchain.analysis.symbolic import SymbolicSingularities, symbolic_singularities
+    from closedchain.analysis.track import Track, track
+    from closedchain.analysis.velocity import Velocity, velocity
+
 __version__ = "0.1.0"
+
+# What is asked of a mechanism is imported when it is first asked, so that loading stays quick.
+_ANALYSIS = {
+    "_stops": "Stop",
+    "acceleration": "Acceleration acceleration",
+    "accelerators": "Accelerators accelerators",
+    "dependence": "Dependence dependence",
+    "follow": "Comparison ComparisonRow Follow compare follow",
+    "follow.task_path": "TaskPath read_task_path task_path",
+    "hessian": "Hessian hessian",
+    "legs": "LegVelocity leg_velocity",
+    "loops": "LoopGraph loops",
+    "maps": "singularity_map",
+    "mobility": "Mobility mobility",
+    "network": "Network network",
+    "open_chains": "Structure",
+    "poc": "Poc poc",
+    "redundancy": "Redundancy Split redundancy",
+    "self_motion": "SelfMotion self_motion",
+    "sets": "singularity_set",
+    "singular_set": "SingularitySet",
+    "singularities": "Classification classify",
+    "structure": "structure",
+    "symbolic": "SymbolicSingularities symbolic_singularities",
+    "track": "Track track",
+    "velocity": "Velocity velocity",
+}
+_MODULES = {name: module for module, names in _ANALYSIS.items() for name in names.split()}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _MODULES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    found = getattr(import_module(f"closedchain.analysis.{_MODULES[name]}"), name)
+    globals()[name] = found
+    return found
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *_MODULES})
+
 
 __all__ = [
     "Acceleration",
@@ -58,8 +95,11 @@ __all__ = [
     "ClosedChainError",
     "Closure",
     "ClosureError",
+    "Comparison",
+    "ComparisonRow",
     "Dependence",
     "DescriptionError",
+    "Follow",
     "Hessian",
     "LegVelocity",
     "LoopGraph",
@@ -68,20 +108,26 @@ __all__ = [
     "Network",
     "Poc",
     "Redundancy",
+    "SelfMotion",
     "SingularitySet",
     "Solution",
+    "Split",
     "Stop",
     "Structure",
+    "SymbolicSingularities",
+    "TaskPath",
     "Track",
     "Velocity",
     "acceleration",
     "accelerators",
     "classify",
     "close",
+    "compare",
     "constraint_drift",
     "constraint_jacobian",
     "dependence",
     "direct",
+    "follow",
     "hessian",
     "inverse",
     "leg_velocity",
@@ -91,12 +137,16 @@ __all__ = [
     "mobility",
     "network",
     "poc",
+    "read_task_path",
     "redundancy",
     "residual",
     "robots",
+    "self_motion",
     "singularity_map",
     "singularity_set",
     "structure",
+    "symbolic_singularities",
+    "task_path",
     "track",
     "velocity",
 ]

@@ -99,37 +99,94 @@ def input_values(mechanism: Mechanism, words: Iterable[str], option: str = "") -
 
 @dataclass
 class Slices:
-    """What ``--over`` asks for: pairs of inputs, and by input its range and number of points."""
+    """What ``--over`` asks for: coordinates of each slice, and by name range and points."""
 
-    pairs: list[tuple[str, str]] = field(default_factory=list)
+    slices: list[tuple[str, ...]] = field(default_factory=list)
     ranges: dict[str, tuple[float, float]] = field(default_factory=dict)
     points: dict[str, int] = field(default_factory=dict)
 
 
 def slices(mechanism: Mechanism, words: Sequence[str]) -> Slices:
-    """Read ``name``, ``name=lo:hi`` and ``name=lo:hi:n`` words, two to a slice.
+    """Read ``name``, ``name=lo:hi`` and ``name=lo:hi:n`` words.
+
+    One coordinate is a line, two a slice, three a volume, four or six are slices of two each.
 
     Raises
     ------
     BadArgumentError
-        Unknown inputs, an odd number of them, ranges that do not rise or do not agree.
+        Unknown coordinates, another number of them, ranges that do not rise or do not agree.
     """
     found, names = Slices(), []
     for word in words:
         name, _, text = word.partition("=")
-        _known_input(mechanism, name)
+        _known_coordinate(mechanism, name, "--over")
         names.append(name)
         if "=" in word:
             _read_range(found, name, text)
-    if len(names) % 2:
+    if len(names) not in (0, 1, 2, 3, 4, 6):
         raise BadArgumentError(
-            f"--over comes in pairs, two inputs to a slice; {names[-1]} is alone"
+            f"--over takes one coordinate (a line), two (a slice), three (a volume), or four or "
+            f"six (slices of two), got {len(names)}: {' '.join(names)}"
         )
-    found.pairs = list(zip(names[::2], names[1::2], strict=True))
-    for one, two in found.pairs:
-        if one == two:
-            raise BadArgumentError(f"a slice needs two different inputs, got {one} twice")
+    size = 2 if len(names) in (4, 6) else max(len(names), 1)
+    found.slices = [tuple(names[i : i + size]) for i in range(0, len(names), size)]
+    for over in found.slices:
+        if len(set(over)) < len(over):
+            raise BadArgumentError(f"a slice needs different coordinates, got {' '.join(over)}")
     return found
+
+
+def coordinate_values(mechanism: Mechanism, words: Iterable[str], option: str) -> dict[str, float]:
+    """Read ``name=value`` words about coordinates. Raises ``BadArgumentError``."""
+    values: dict[str, float] = {}
+    for word in words:
+        name, text = _split(word, option)
+        _known_coordinate(mechanism, name, option)
+        if name in values:
+            raise BadArgumentError(f"{option} {name} is given twice")
+        values[name] = number(text, f"{option} {name}")
+    return values
+
+
+def resolution(wanted: Slices, everywhere: int | None) -> dict[str, int] | int | None:
+    """Points along each coordinate: its own number, else the one for all, if there is one."""
+    if everywhere is None:
+        return wanted.points
+    if not wanted.slices:
+        return everywhere
+    return {name: wanted.points.get(name, everywhere) for over in wanted.slices for name in over}
+
+
+def kinds(words: Sequence[str]) -> tuple[str, ...]:
+    """Kinds of singularity, all of them by default. Raises ``BadArgumentError``."""
+    from closedchain.analysis.singular_set import KINDS
+
+    for word in words:
+        if word not in (*KINDS, "all"):
+            raise BadArgumentError(known_names(word, "kind of singularity", (*KINDS, "all")))
+    chosen = tuple(kind for kind in KINDS if kind in words)
+    return KINDS if not words or "all" in words else chosen
+
+
+def image_file(folder: Path, out: Path | None, image_format: str | None) -> Path:
+    """Image to write: its format by the option, or by the ending of its name.
+
+    Raises
+    ------
+    BadArgumentError
+        Unknown format, or one that the name contradicts.
+    """
+    formats = ("png", "svg", "pdf")
+    if image_format is not None and image_format not in formats:
+        raise BadArgumentError(known_names(image_format, "format", formats))
+    if out is None:
+        return folder / f"map.{image_format or 'png'}"
+    ending = out.suffix.lstrip(".").lower()
+    if ending not in formats:
+        raise BadArgumentError(f"--out {out}: the name must end in .png, .svg or .pdf")
+    if image_format not in (None, ending):
+        raise BadArgumentError(f"--out {out} and --format {image_format} do not agree")
+    return out
 
 
 def _read_range(found: Slices, name: str, text: str) -> None:
@@ -169,6 +226,14 @@ def _split(word: str, what: str) -> tuple[str, str]:
 def _known_input(mechanism: Mechanism, name: str) -> None:
     if name not in mechanism.inputs:
         raise BadArgumentError(known_names(name, "input", mechanism.inputs))
+
+
+def _known_coordinate(mechanism: Mechanism, name: str, option: str) -> None:
+    from closedchain.closure.charting import coordinate_names
+
+    known = coordinate_names(mechanism)
+    if name not in known:
+        raise BadArgumentError(f"{option}: {known_names(name, 'coordinate', known)}")
 
 
 def all_inputs(mechanism: Mechanism, given: Mapping[str, float]) -> dict[str, float]:

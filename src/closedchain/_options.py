@@ -28,4 +28,47 @@ NoXacro = Annotated[
     bool,
     typer.Option("--no-xacro", help="Read plain URDF only; xacro in a file runs as Python code."),
 ]
+Over = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="NAME[=LO:HI[:N]]",
+        help="A coordinate that varies [m or rad]: an input, a joint, or x y z rx ry rz tilt "
+        "azimuth of the tip. One: a line; two: a slice; three: a volume; four or six: slices.",
+    ),
+]
+At = Annotated[
+    list[str] | None,
+    typer.Option(metavar="NAME=VALUE", help="Value of a coordinate that does not vary."),
+]
+Kinds = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--kind",
+        metavar="direct|inverse|combined|constraint|all",
+        help="Sets to look for (several may be given); all by default.",
+    ),
+]
+Mode = Annotated[
+    str | None,
+    typer.Option(metavar="NAME", help="Posture of the description to start from; home by default."),
+]
+Resolution = Annotated[
+    int | None,
+    typer.Option(
+        min=3,
+        max=5000,
+        help="Points along coordinates without their own number; 401, 101 or 25 for a line, "
+        "a slice or a volume by default.",
+    ),
+]
+Span = Annotated[
+    float | None,
+    typer.Option(
+        help="Half width of ranges not given, around the start [characteristic lengths, or rad]; "
+        "by default 1, or less where the branch takes up little of that."
+    ),
+]
+Workers = Annotated[
+    int | None, typer.Option(min=1, help="Threads that map; one for each core by default.")
+]
 Triple = tuple[float, float, float]

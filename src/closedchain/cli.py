@@ -15,15 +15,23 @@ from typer.core import TyperGroup
 
 from closedchain import _arguments as arguments
 from closedchain import _reports as reports
+from closedchain._follow_command import follow
 from closedchain._options import (
+    At,
     Json,
+    Kinds,
+    Mode,
     NoXacro,
     Outputs,
+    Over,
+    Resolution,
     Robot,
     Settings,
+    Span,
     Triple,
     Values,
     Variant,
+    Workers,
 )
 from closedchain._terminal import fail, print_json, say
 from closedchain.urdf.errors import ClosedChainError
@@ -225,62 +233,91 @@ def urdf(
 def singularities(
     robot: Robot,
     out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for the results.")],
-    over: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="NAME[=LO:HI[:N]]",
-            help="An input of a slice; two to a slice, in order (several slices may follow).",
-        ),
-    ] = None,
-    at: Annotated[
-        list[str] | None, typer.Option(metavar="NAME=VALUE", help="Value of another input.")
-    ] = None,
-    resolution: Annotated[
-        int, typer.Option(min=3, max=5000, help="Points along inputs without their own number.")
-    ] = 101,
-    span: Annotated[
-        float | None,
-        typer.Option(
-            help="Half width of ranges not given, around home "
-            "[characteristic lengths, or rad]; 1 by default."
-        ),
-    ] = None,
+    over: Over = None,
+    kind: Kinds = None,
+    at: At = None,
+    mode: Mode = None,
+    resolution: Resolution = None,
+    span: Span = None,
     outputs: Outputs = None,
+    workers: Workers = None,
     settings: Settings = None,
     variant: Variant = None,
     no_xacro: NoXacro = False,
     json: Json = False,
 ) -> None:
-    """Map the singularities over slices of the input space, into a folder."""
-    from closedchain.analysis.progress import reporting
-    from closedchain.analysis.survey import survey, write_survey
-    from closedchain.robots.viewer import static_page
+    """Map the singularities over coordinates of a robot, into a folder.
 
+    By default: two slices of input space, and of the workspace where home allows.
+    """
+    from closedchain._survey_page import survey_page
+    from closedchain.analysis.progress import reporting
+    from closedchain.analysis.results_folder import write_survey
+    from closedchain.analysis.survey import survey
+
+    kinds = arguments.kinds(kind or ())
     mechanism = _load(robot, settings, variant, no_xacro)
     wanted = arguments.slices(mechanism, over or ())
     if span is not None:
         arguments.positive(span, "--span")
-    held = arguments.input_values(mechanism, at or (), "--at")
+    held = arguments.coordinate_values(mechanism, at or (), "--at")
     for name in held:
-        if wanted.pairs and all(name in pair for pair in wanted.pairs):
+        if wanted.slices and all(name in names for names in wanted.slices):
             fail(f"--at {name}: every slice varies {name} itself")
+    start = mechanism.home if mode is None else mechanism.posture(mode)
     out.mkdir(parents=True, exist_ok=True)
     arguments.refuse_read_only(out)
     with reporting(True) as progress:
         found = survey(
             mechanism,
-            wanted.pairs or None,
-            ranges=wanted.ranges or None,
-            at=held or None,
-            resolution={name: wanted.points.get(name, resolution) for name in mechanism.inputs},
+            wanted.slices or None,
+            ranges=wanted.ranges,
+            at=held,
+            mode=mode,
+            kinds=kinds,
+            resolution=arguments.resolution(wanted, resolution),
             span=span,
             outputs=outputs,
+            workers=workers,
             progress=progress,
         )
     written = write_survey(found, out)
     page = out / f"{re.sub(r'[^A-Za-z0-9._-]', '_', mechanism.name)}.html"
-    page.write_text(static_page(mechanism, up=arguments.up_axis(robot)), encoding="utf-8")
+    page.write_text(survey_page(found, start, up=arguments.up_axis(robot)), encoding="utf-8")
     reports.survey(found, {**written, page.name: page}, json)
+
+
+@app.command()
+def plot(
+    folder: Annotated[
+        Path, typer.Argument(metavar="DIR", help="Results of 'singularities', or a saved map.")
+    ],
+    image_format: Annotated[
+        str | None, typer.Option("--format", metavar="png|svg|pdf", help="png by default.")
+    ] = None,
+    dpi: Annotated[int, typer.Option(min=20, max=1200, help="Dots per inch of the image.")] = 130,
+    measure: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME",
+            help="Variable to draw, such as det_direct or condition (several may be given); "
+            "sigma_direct and sigma_inverse by default.",
+        ),
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Image; map.png in the folder by default.")
+    ] = None,
+) -> None:
+    """Draw the results of a folder again, from its files alone."""
+    from closedchain.analysis.figures import draw_survey
+    from closedchain.analysis.results_folder import read_results
+
+    image = arguments.image_file(folder, out, image_format)
+    draw_survey(read_results(folder), image, measures=measure or None, dpi=dpi)
+    say(str(image))
+
+
+app.command()(follow)
 
 
 def _load(robot: str, settings: list[str] | None, variant: str | None, no_xacro: bool) -> Mechanism:

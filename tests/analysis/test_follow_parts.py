@@ -164,16 +164,17 @@ def test_export(tmp_path: Path) -> None:
     data = found.to_dataset()
     assert data.sizes == {"time": 21, "input": 6, "configuration": m.model.nq}
     assert_close(data["inputs"].sel(input="q4"), found.inputs[:, 3], 0.0)
-    assert data["inputs"].attrs["unit"] == "m m m m m m"
+    assert data["inputs"].attrs["units"] == "m m m m m m"
     assert data.attrs["locked"] == "q1"
     assert data.attrs["outputs"] == AXIS_TASK
     data.to_netcdf(tmp_path / "run.nc", engine="h5netcdf")
     with found.to_csv(tmp_path / "run.csv").open() as file:
         rows = list(csv.reader(file))
-    assert rows[0][:3] == ["t [s]", "q1 [m]", "q2 [m]"]
+    assert rows[0][:5] == ["t [s]", "x [m]", "y [m]", "z [m]", "q1 [m]"]
     table = np.array(rows[1:], dtype=float)
-    assert_close(table[:, 1:7], found.inputs, 0.0)
-    assert_close(table[:, 7:13], found.input_speeds, 0.0)
+    assert_close(table[:, 1:4], task.positions, 1e-12)
+    assert_close(table[:, 4:10], found.inputs, 0.0)
+    assert_close(table[:, 10:16], found.input_speeds, 0.0)
     assert_close(table[:, rows[0].index("sigma_driven")], found.sigma_driven, 0.0)
     with pytest.raises(ValueError, match="read-only"):
         found.q[0, 0] = 1.0

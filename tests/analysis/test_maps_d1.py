@@ -11,7 +11,9 @@ import xarray as xr
 from conftest import Tolerances
 
 import closedchain as cc
-from closedchain.analysis.survey import Survey, survey, write_survey
+from closedchain.analysis.grid import STATUSES
+from closedchain.analysis.results_folder import write_survey
+from closedchain.analysis.survey import Survey, survey
 from closedchain.robots.d1 import forward, geometry
 
 RESOLUTION = 25
@@ -19,13 +21,13 @@ RESOLUTION = 25
 
 @pytest.fixture(scope="module")
 def found(d1: cc.Mechanism) -> Survey:
-    return survey(d1, resolution=RESOLUTION)
+    return survey(d1, resolution=RESOLUTION, kinds=("direct", "inverse", "combined"))
 
 
 def test_cells_agree_with_the_closed_form(d1: cc.Mechanism, found: Survey) -> None:
     """A posture that is ok is one of the assemblies that elimination finds for its inputs."""
     part = found.slices[0]
-    keys = part.inputs
+    keys = part.over
     status = part.map["status"].to_numpy()
     kept = cc.singularity_map(
         d1, {k: part.map[k].to_numpy() for k in keys}, progress=False, keep_q=True
@@ -55,7 +57,7 @@ def test_measures_are_missing_exactly_where_the_status_is_not_ok(found: Survey) 
 
 def test_measures_are_those_of_classify(d1: cc.Mechanism, found: Survey) -> None:
     part = found.slices[0]
-    centre = dict.fromkeys(part.inputs, RESOLUTION // 2)
+    centre = dict.fromkeys(part.over, RESOLUTION // 2)
     cell = part.map.isel(centre)
     here = cc.classify(d1, d1.home)
     for name in ("sigma_direct", "sigma_constraint", "det_direct"):
@@ -69,7 +71,7 @@ def test_points_lie_on_their_sets(d1: cc.Mechanism, found: Survey, tol: Toleranc
                 assert np.abs(cc.residual(d1, q)).max() < 1e-10
                 wanted = {"direct", "inverse"} if curve.kind == "combined" else {curve.kind}
                 assert wanted <= kinds
-                held = [n for n in d1.inputs if n not in part.inputs]
+                held = [n for n in d1.inputs if n not in part.over]
                 index = [d1.inputs.index(n) for n in held]
                 home = d1.input_values(d1.home)
                 assert np.allclose(d1.input_values(q)[index], home[index], atol=1e-15)
@@ -90,7 +92,7 @@ def test_inverse_curves_of_the_first_slice_are_three_symmetry_lines(
     part = found.slices[0]
     x, y = part.inverse.coordinates.T
     off = np.min(np.abs([x - h, y - h, x - y]), axis=0)
-    assert off.max() < 1e-8
+    assert off.max() < 1e-7  # where the lines meet the measure is flat
     lines = np.argmin(np.abs([x - h, y - h, x - y]), axis=0)
     assert set(lines) == {0, 1, 2}
     assert len(part.combined.q) == 6
@@ -108,7 +110,8 @@ def test_direct_curve_is_where_the_branch_ends(d1: cc.Mechanism, found: Survey) 
     """A hair inside the curve the branch is there, a hair outside it is not."""
     part = found.slices[0]
     home = d1.input_values(d1.home)
-    for point in part.direct.coordinates[:: max(1, len(part.direct.coordinates) // 5)]:
+    points = part.direct.coordinates[part.direct.on_branch]
+    for point in points[:: max(1, len(points) // 5)]:
         towards = point - home[:2]
         inside, outside = (home[:2] + s * towards for s in (0.98, 1.02))
         assert cc.direct(d1, [*inside, *home[2:]]).converged
@@ -131,7 +134,7 @@ def test_files_of_the_survey(d1: cc.Mechanism, found: Survey, tmp_path: Path) ->
     assert tree["q1_q2"]["q1"].attrs["units"] == "m"
     assert tree["q1_q2"].attrs["parameter_radius_S"] == 0.1
     meanings = tree["q1_q2"]["status"].attrs["flag_meanings"].split()
-    assert meanings == ["ok", "unreachable", "other_branch", "joint_limit"]
+    assert meanings == ["ok", "unreachable", "other_branch", "joint_limit", "not_converged"]
     tree.close()
     with paths["singularities.csv"].open() as file:
         rows = list(csv.DictReader(file))
@@ -144,41 +147,6 @@ def test_files_of_the_survey(d1: cc.Mechanism, found: Survey, tmp_path: Path) ->
 
 def test_summary_counts_every_cell(found: Survey) -> None:
     for row in found.summary():
-        counted = sum(row[k] for k in ("ok", "unreachable", "other branch", "joint limit"))  # type: ignore[misc]
+        counted = sum(row[k] for k in STATUSES)  # type: ignore[misc]
         assert counted == row["cells"] == RESOLUTION**2
     assert "q1 +0.5774" in found.text
-
-
-@pytest.mark.parametrize(
-    ("over", "at", "message"),
-    [
-        ({}, None, "at least one input"),
-        ({"q9": [0, 1]}, None, "unknown input 'q9'"),
-        ({"q1": [0.5]}, None, "at least two"),
-        ({"q1": [0.5, 0.4]}, None, "rising"),
-        ({"q1": [0.5, float("nan")]}, None, "finite"),
-        ({"q1": [0.5, 0.52]}, {"q1": 0.5}, "both varies and is held"),
-        ({"q1": [0.5, 0.52]}, {"q7": 0.5}, "unknown input 'q7'"),
-        ({"q1": [0.5, 0.52]}, {"q3": 1.4}, "out of reach|singularity"),
-        ({"q1": [1.2, 1.3]}, None, "first cell cannot be reached"),
-    ],
-)
-def test_bad_maps_are_refused(
-    d1: cc.Mechanism, over: dict[str, list[float]], at: dict[str, float] | None, message: str
-) -> None:
-    with pytest.raises(cc.ClosureError, match=message):
-        cc.singularity_map(d1, over, at, progress=False)
-
-
-def test_progress_is_reported(d1: cc.Mechanism) -> None:
-    calls: list[tuple[str, int, int]] = []
-    axis = np.linspace(0.51, 0.53, 4)
-    cc.singularity_map(d1, {"q1": axis, "q2": axis}, progress=lambda *a: calls.append(a))
-    assert {what for what, _, _ in calls} >= {"following the branch", "singular values"}
-    assert all(0 <= done <= total for _, done, total in calls)
-
-
-def test_one_input_map(d1: cc.Mechanism) -> None:
-    found = cc.singularity_map(d1, {"q4": np.linspace(0.5, 0.6, 11)}, progress=False)
-    assert found["status"].dims == ("q4",)
-    assert int((found["status"] == 0).sum()) == 11

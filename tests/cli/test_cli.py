@@ -1,6 +1,5 @@
 """The command line as a user meets it: answers, JSON, exit codes, one line for an error."""
 
-import csv
 import json
 import math
 import signal
@@ -194,35 +193,6 @@ def test_view_serves_until_interrupted() -> None:
     assert errors == ""
 
 
-@pytest.mark.slow
-def test_singularities(tmp_path: Path) -> None:
-    pytest.importorskip("closedchain.analysis.survey")
-    out = tmp_path / "new" / "results"
-    words = ["singularities", "d1", "--out", str(out), "--resolution", "7"]
-    words += ["--over", "q1=0.5:0.54:5", "--over", "q2=0.5:0.54", "--at", "q3=0.52"]
-    text = good(*words)
-    for name in ("map.nc", "singularities.csv", "map.png", "d1.html"):
-        assert (out / name).stat().st_size > 0
-        assert str(out / name) in text
-    assert "q1 x q2" in text
-    with (out / "singularities.csv").open() as file:
-        assert "q1 [m]" in next(csv.reader(file))
-    found = data(*words)
-    assert found["summary"][0]["cells"] == 35
-    assert found["files"]["map.nc"] == str(out / "map.nc")
-
-
-@pytest.mark.slow
-def test_singularities_of_two_slices(tmp_path: Path) -> None:
-    pytest.importorskip("closedchain.analysis.survey")
-    over = [w for n in ("q1", "q2", "q4", "q5") for w in ("--over", n)]
-    found = data(
-        *("singularities", "d1", "--out", str(tmp_path), *over, "--resolution", "3"),
-        *("--span", "0.1", "--outputs", "x y z rx rz"),
-    )
-    assert [row["slice"] for row in found["summary"]] == ["q1 x q2", "q4 x q5"]
-
-
 BAD = {
     "unknown robot": (["info", "d2"], "known: d1"),
     "no such file": (["info", "none.urdf"], "there is no file none.urdf"),
@@ -252,25 +222,6 @@ BAD = {
     "unknown axis": (["view", "d1", "--up", "w"], "known: x, y, z"),
     "view out of reach": (["view", "d1", "q1=9"], "out of reach"),
     "urdf of an unknown robot": (["urdf", "d2"], "unknown robot"),
-    "one input over": (["singularities", "d1", "--out", ".", "--over", "q1"], "pairs"),
-    "the same input twice": (
-        ["singularities", "d1", "--out", ".", "--over", "q1", "--over", "q1"],
-        "two different inputs",
-    ),
-    "unknown input over": (["singularities", "d1", "--out", ".", "--over", "p"], "unknown input"),
-    "range that falls": (["singularities", "d1", "--out", ".", "--over", "q1=1:0"], "below"),
-    "range of one number": (["singularities", "d1", "--out", ".", "--over", "q1=1"], "lo:hi"),
-    "range without numbers": (["singularities", "d1", "--out", ".", "--over", "q1=a:b"], "'a'"),
-    "points that are none": (
-        ["singularities", "d1", "--out", ".", "--over", "q1=0:1:-3"],
-        "number of points",
-    ),
-    "held and varied": (
-        ["singularities", "d1", "--out", ".", "--over", "q1", "--over", "q2", "--at", "q1=0.5"],
-        "varies q1",
-    ),
-    "no width": (["singularities", "d1", "--out", ".", "--span", "0"], "above zero"),
-    "a file for a folder": (["singularities", "d1", "--out", sys.executable], "File exists"),
 }
 
 

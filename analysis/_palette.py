@@ -1,0 +1,146 @@
+"""Colours, hatches and words of the figures of singularity maps."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from closedchain.urdf.errors import ClosureError, known_names
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+# Okabe and Ito's palette: told apart with any colour vision
+COLOURS = {
+    "direct": "#D55E00",
+    "inverse": "#0072B2",
+    "combined": "#000000",
+    "constraint": "#009E73",
+}
+KIND_LABELS = {
+    "direct": "direct singularities (type 2)",
+    "inverse": "inverse singularities (type 1)",
+    "combined": "combined (type 3)",
+    "constraint": "constraint singularities",
+}
+GREY = "#888888"
+
+
+@dataclass(frozen=True)
+class Blank:
+    """How cells without a posture are shown."""
+
+    label: str
+    colour: str
+    hatch: str
+
+
+BLANKS = {
+    "unreachable": Blank("unreachable: no closed posture found", "#FFFFFF", "xxx"),
+    "other branch": Blank("closes on another branch only", "#DDDDDD", "//"),
+    "joint limit": Blank("beyond a joint limit", "#F0E4B0", ".."),
+    "not converged": Blank("not converged", "#EBDCEB", "++"),
+}
+
+
+@dataclass(frozen=True)
+class Measure:
+    """A variable of a map: what to write beside its colours, and how to spread them.
+
+    ``kind`` is the kind of singularity that it watches, None where it watches none. ``scale`` is
+    "zero" (from zero upwards), "signed" or "log".
+    """
+
+    label: str
+    kind: str | None
+    scale: str
+
+    @property
+    def colours(self) -> str:
+        """Name of a colour map: all of them even in lightness or safe for the colour-blind."""
+        return {"zero": "cividis", "signed": "PRGn", "log": "viridis_r"}[self.scale]
+
+
+MEASURES = {
+    "sigma_direct": Measure(r"$\sigma_{\min}(K_p)$", "direct", "zero"),
+    "sigma_inverse": Measure(r"$\sigma_{\min}([K; J])$", "inverse", "zero"),
+    "sigma_constraint": Measure(r"$\sigma_{\min}(K)$", "constraint", "zero"),
+    "det_direct": Measure(r"$\det K_p$", "direct", "signed"),
+    "det_inverse": Measure(r"$\det\,[K; J]$", "inverse", "signed"),
+    "condition": Measure("condition number of the twist map", None, "log"),
+    "residual": Measure("largest closure row", None, "log"),
+}
+
+
+def measure_of(data: xr.Dataset, name: str) -> Measure:
+    """The measure of that name, which the map must have.
+
+    Raises
+    ------
+    ClosureError
+        Unknown measure, or one that this map has not.
+    """
+    if name not in MEASURES:
+        raise ClosureError(known_names(name, "measure", MEASURES))
+    if name not in data:
+        there = [m for m in MEASURES if m in data]
+        raise ClosureError(
+            f"the map over {' x '.join(map(str, data['status'].dims))} has no {name!r} (its matrix "
+            f"is not square there); it has {', '.join(there)}"
+        )
+    return MEASURES[name]
+
+
+def colour_range(values: np.ndarray, scale: str) -> tuple[np.ndarray, dict[str, Any], str]:
+    """Values fit to be drawn, arguments of ``pcolormesh``, and which end of the bar is open."""
+    from matplotlib.colors import LogNorm
+
+    finite = values[np.isfinite(values)]
+    if scale == "zero":
+        return values, {"vmin": 0.0, "vmax": float(finite.max(initial=0.0)) or 1.0}, "neither"
+    if scale == "signed":
+        most = float(np.abs(finite).max(initial=0.0)) or 1.0
+        return values, {"vmin": -most, "vmax": most}, "neither"
+    positive = finite[finite > 0.0]
+    if not positive.size:
+        return values, {"norm": LogNorm(1.0, 10.0)}, "both"
+    low, high = float(positive.min()), float(np.quantile(positive, 0.98))
+    high = max(high, 1.01 * low)
+    shown = np.where(np.isposinf(values), 2.0 * max(high, float(positive.max())), values)
+    shown = np.where(shown <= 0.0, low, shown)
+    open_end = "max" if np.nanmax(shown) > high else "neither"
+    return shown, {"norm": LogNorm(low, high)}, open_end
+
+
+def statuses_of(data: xr.Dataset) -> dict[str, int]:
+    """Code of each status of a map, by name.
+
+    Raises
+    ------
+    ClosureError
+        No map: ``status`` is missing or does not say what its numbers mean.
+    """
+    if "status" not in data:
+        raise ClosureError("no singularity map: the variable 'status' is missing")
+    attrs = data["status"].attrs
+    names = str(attrs.get("flag_meanings", "")).split()
+    codes = np.atleast_1d(attrs.get("flag_values", []))
+    if not names or len(names) != codes.size or "ok" not in names:
+        raise ClosureError("no singularity map: 'status' does not say what its numbers mean")
+    return {name.replace("_", " "): int(code) for name, code in zip(names, codes, strict=True)}
+
+
+def start_of(data: xr.Dataset) -> tuple[str, list[float]] | None:
+    """Name and coordinates of the posture that the map starts from, None where it is not known."""
+    values = [data.attrs.get(f"start_{name}") for name in data["status"].dims]
+    if any(value is None for value in values):
+        return None
+    return str(data.attrs.get("start", "start")), [float(value) for value in values]  # type: ignore[arg-type]
+
+
+def axis_label(data: xr.Dataset, name: str) -> str:
+    """Name and unit of a coordinate."""
+    unit = data[name].attrs.get("units", "")
+    return f"{name} [{unit}]" if unit else name

@@ -1,0 +1,93 @@
+"""The page of a survey: the robot with its singular sets in the scene."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from closedchain._arguments import Up
+from closedchain.analysis.set_tables import polylines
+from closedchain.robots.viewer import Markers, Overlay, Polyline, Surface, boxed, static_page
+
+if TYPE_CHECKING:
+    from closedchain.analysis.singular_set import SingularitySet
+    from closedchain.analysis.survey import Slice, Survey
+    from closedchain.closure import Mechanism
+
+MOST_POSTURES = 20_000
+"""Points of one set in the scene: more make the page slow."""
+
+
+def survey_page(found: Survey, q: np.ndarray, *, up: Up) -> str:
+    """Draw the robot at ``q`` (nq,) with the singular sets of a survey.
+
+    Sets over positions of the tip stand where the tip is. Of other lines and slices the scene
+    shows where the tip is at the singular postures; surfaces over other coordinates stand in a box
+    beside the robot.
+    """
+    overlays: list[Overlay] = []
+    for part in found.slices:
+        if len(part.over) == 3 and not _in_space(found.mechanism, part):
+            overlays.extend(_in_box(found.mechanism, part, q, up))
+        elif found.mechanism.task is not None:
+            overlays.extend(_at_tip(found.mechanism, part))
+    return static_page(found.mechanism, q, up=up, overlays=overlays)
+
+
+def _in_space(mechanism: Mechanism, part: Slice) -> bool:
+    return all(name in ("x", "y", "z") and name not in mechanism.inputs for name in part.over)
+
+
+def _at_tip(mechanism: Mechanism, part: Slice) -> Iterator[Overlay]:
+    place = "" if _in_space(mechanism, part) else "tip at "
+    for found in part.sets:
+        if len(found.q) > MOST_POSTURES:
+            continue
+        points = np.array([mechanism.pose(q).translation for q in found.q]).reshape(-1, 3)
+        label = f"{place}{found.kind} singularities, {' × '.join(part.over)}"
+        yield from _labelled(_shapes(found, points), label)
+
+
+def _in_box(mechanism: Mechanism, part: Slice, q: np.ndarray, up: Up) -> tuple[Overlay, ...]:
+    shapes: list[Polyline | Surface | Markers] = []
+    for found in part.sets:
+        columns = [found.over.index(name) for name in part.over]
+        label = f"{found.kind} singularities"
+        shapes.extend(_labelled(_shapes(found, found.coordinates[:, columns]), label))
+    axes = [part.map[name].to_numpy() for name in part.over]
+    return boxed(
+        shapes,
+        part.over,
+        [str(part.map[name].attrs["units"]) for name in part.over],
+        np.array([(axis[0], axis[-1]) for axis in axes]),
+        beside=mechanism,
+        q=q,
+        up=up,
+        label=f"box: {' × '.join(part.over)}",
+    )
+
+
+def _shapes(found: SingularitySet, points: np.ndarray) -> Iterator[Polyline | Surface | Markers]:
+    """Meshes, and what of the curves and points is on the branch; points (N, 3)."""
+    for piece in found.pieces:
+        if piece.ndim == 2 and len(piece):
+            yield Surface(points, piece, found.kind)
+    single = []
+    for line, on_branch in polylines(found):
+        if on_branch and len(line) > 1:
+            yield Polyline(points[line], found.kind)
+        elif on_branch:
+            single.append(line[0])
+    if single:
+        yield Markers(points[single], found.kind)
+
+
+def _labelled(
+    shapes: Iterator[Polyline | Surface | Markers], label: str
+) -> Iterator[Polyline | Surface | Markers]:
+    """The shapes of one set, the first of them with its line of the legend."""
+    for i, shape in enumerate(shapes):
+        yield replace(shape, label=label) if i == 0 else shape
