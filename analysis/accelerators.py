@@ -18,9 +18,9 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from closedchain.analysis._graph import Walk
-from closedchain.analysis.circuits import Circuits, circuits
+from closedchain.analysis.circuits.chains import Circuits, circuits
 from closedchain.analysis.screws import from_motion, lie, screw, shifted, to_motion, transformed
+from closedchain.analysis.structure.graph import Walk
 from closedchain.closure.mechanism import Mechanism
 from closedchain.urdf.errors import ClosureError
 

@@ -11,6 +11,8 @@ bordered matrix is regular [Griewank1984]_, [Govaerts2000]_. Borders are singula
 posture nearby. A rank loss is thus e + 1 equations: it has codimension e + 1. With the last row
 (w^T, h) of the inverse, dg = -w^T dA V. A matrix with more rows than columns is transposed.
 
+All functions take one posture (nq,) or many (n, nq); a leading n then stands before every shape.
+
 [Griewank1984]_ A. Griewank and G. W. Reddien, Characterization and computation of generalized
 turning points, SIAM J. Numer. Anal. 21, 1984.
 [Govaerts2000]_ W. Govaerts, Numerical methods for bifurcations of dynamical equilibria, SIAM, 2000.
@@ -21,9 +23,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import pinocchio as pin
 
 from closedchain.analysis.mobility import generic_rank
+from closedchain.analysis.postures_at import Kinematics, kinematics, moved, skew
 from closedchain.closure.mechanism import Mechanism
 from closedchain.urdf.description import OUTPUTS
 
@@ -31,52 +33,6 @@ DIFFERENCE = 1e-5  # dimensionless step of the one central difference in a gradi
 
 Borders = tuple[np.ndarray, np.ndarray]
 """b (short side, 1) and c (long side, e + 1)."""
-
-
-@dataclass(frozen=True, eq=False)
-class Kinematics:
-    """What a measure needs at a posture: the closures' and the tip's Jacobians there.
-
-    Attributes
-    ----------
-    residual : (rows,) array
-        Closures, dimensionless.
-    closures : (rows, nv) array
-        K, dimensionless.
-    tip : (6, nv) array
-        Jacobian of the tip (linear, angular), world axes [m/s, rad/s]; empty without a task.
-    place : (3,) array
-        Origin of the tip in the world [m].
-    attitude : (3, 3) array
-        Rotation of the tip in the world.
-    """
-
-    residual: np.ndarray
-    closures: np.ndarray
-    tip: np.ndarray
-    place: np.ndarray
-    attitude: np.ndarray
-
-
-def kinematics(mechanism: Mechanism, q: np.ndarray, *, tip: bool) -> Kinematics:
-    """Evaluate closures and, where asked for, the tip at ``q`` (nq,), unchecked."""
-    values, jacobian = mechanism.workspace.evaluate(q)
-    unit = mechanism.row_scale
-    scaled = jacobian * mechanism.column_scale / unit[:, None]
-    if not tip:
-        return Kinematics(values / unit, scaled, np.zeros((6, 0)), np.zeros(3), np.eye(3))
-    model, data = mechanism.model, mechanism.workspace.data
-    frame = model.frames[mechanism.frame_id(mechanism.required_task().tip)]
-    if frame.parentJoint == 0:
-        moves = np.zeros((6, model.nv))
-    else:
-        moves = np.array(
-            pin.getFrameJacobian(
-                model, data, frame.parentJoint, frame.placement, pin.LOCAL_WORLD_ALIGNED
-            )
-        )
-    pose = data.oMi[frame.parentJoint] * frame.placement
-    return Kinematics(values / unit, scaled, moves, pose.translation.copy(), pose.rotation.copy())
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,10 +70,10 @@ class Measure:
         """Matrix (rows, columns) at a posture."""
         closures = combine @ at.closures
         if self.kind == "direct":
-            return closures[:, self.mechanism.passive_v]
+            return closures[..., self.mechanism.passive_v]
         if self.kind == "constraint":
             return closures
-        return np.vstack([closures, self.task_rows(at)])
+        return np.concatenate([closures, self.task_rows(at)], axis=-2)
 
     @property
     def _units(self) -> np.ndarray:
@@ -130,32 +86,32 @@ class Measure:
     def task_rows(self, at: Kinematics) -> np.ndarray:
         """J, dimensionless: one or two rotations are components along the tip's own axes."""
         linear = [OUTPUTS.index(n) for n in self.outputs if n in "xyz"]
-        angular = at.tip[3:]
+        angular = at.tip[..., 3:, :]
         if len(self._angular) != 3:
-            angular = at.attitude.T @ angular
-        rows = np.vstack([at.tip[linear], angular[self._angular]])
-        return rows * self.mechanism.column_scale / self._units[:, None]
+            angular = at.attitude.swapaxes(-1, -2) @ angular
+        rows = np.concatenate([at.tip[..., linear, :], angular[..., self._angular, :]], axis=-2)
+        return np.asarray(rows * self.mechanism.column_scale / self._units[:, None])
 
     def borders(self, at: Kinematics, combine: np.ndarray) -> Borders:
         """Singular vectors of the matrix at a posture: the borders that are best nearby."""
         matrix = self.matrix(at, combine)
-        if matrix.shape[0] > matrix.shape[1]:
-            matrix = matrix.T
+        if matrix.shape[-2] > matrix.shape[-1]:
+            matrix = matrix.swapaxes(-1, -2)
         u, _, vt = np.linalg.svd(matrix)
-        return u[:, -1:], vt[matrix.shape[0] - 1 :].T
+        return u[..., -1:], vt[..., matrix.shape[-2] - 1 :, :].swapaxes(-1, -2)
 
     def evaluate(
         self, q: np.ndarray, at: Kinematics, combine: np.ndarray, borders: Borders
     ) -> tuple[np.ndarray, np.ndarray]:
         """Corner g (codimension,) and its derivative (codimension, nv), dimensionless."""
         matrix = self.matrix(at, combine)
-        transposed = matrix.shape[0] > matrix.shape[1]
-        g, w, v = corner(matrix.T if transposed else matrix, borders)
-        if transposed:
-            gradient = [-self._derivative(q, at, combine, left, w) for left in v.T]
-        else:
-            gradient = [-self._derivative(q, at, combine, w, right) for right in v.T]
-        return g, np.array(gradient)
+        transposed = matrix.shape[-2] > matrix.shape[-1]
+        g, w, v = corner(matrix.swapaxes(-1, -2) if transposed else matrix, borders)
+        gradient = []
+        for i in range(v.shape[-1]):
+            left, right = (v[..., i], w) if transposed else (w, v[..., i])
+            gradient.append(-self._derivative(q, at, combine, left, right))
+        return g, np.stack(gradient, axis=-2)
 
     def _derivative(
         self,
@@ -173,52 +129,65 @@ class Measure:
         equation d omega = +-omega x omega (world, tip axes) adds a term.
         """
         mechanism = self.mechanism
-        r = combine.shape[0]
-        along = np.zeros(mechanism.model.nv)
-        along[mechanism.passive_v if self.kind == "direct" else slice(None)] = right
-        size = float(np.linalg.norm(along)) or 1.0
-        step = DIFFERENCE / size * along * mechanism.column_scale
-        sides = [
-            kinematics(mechanism, pin.integrate(mechanism.model, q, s * step), tip=self.needs_tip)
+        r, columns = combine.shape[-2], mechanism.column_scale
+        along = np.zeros((*q.shape[:-1], mechanism.model.nv))
+        along[..., mechanism.passive_v if self.kind == "direct" else slice(None)] = right
+        size = np.linalg.norm(along, axis=-1, keepdims=True)
+        size = np.where(size > 0.0, size, 1.0)
+        step = DIFFERENCE / size * along * columns
+        ahead, behind = (
+            kinematics(mechanism, moved(mechanism, q, s * step), tip=self.needs_tip)
             for s in (1.0, -1.0)
-        ]
+        )
         rate = size / (2.0 * DIFFERENCE)
-        bracket = _bracket(mechanism, along * mechanism.column_scale)
-        rows = combine.T @ left[:r]
-        found = rate * (rows @ (sides[0].closures - sides[1].closures))
-        found += (rows @ at.closures / mechanism.column_scale) @ bracket
+        bracket = _bracket(mechanism, along * columns)
+        rows = _times(left[..., :r], combine)
+        found = rate * _times(rows, ahead.closures - behind.closures)
+        if bracket is not None:
+            found += _times(_times(rows, at.closures) / columns, bracket)
         if not self.needs_tip:
             return np.asarray(found)
-        change = rate * (self.task_rows(sides[0]) - self.task_rows(sides[1]))
-        change += (self.task_rows(at) / mechanism.column_scale) @ bracket
-        angular, sign = at.tip[3:] * mechanism.column_scale, -1.0
+        change = rate[..., None] * (self.task_rows(ahead) - self.task_rows(behind))
+        if bracket is not None:
+            change += (self.task_rows(at) / columns) @ bracket
+        angular, sign = at.tip[..., 3:, :] * columns, -1.0
         if len(self._angular) != 3:
-            angular, sign = at.attitude.T @ angular, 1.0
-        turning = sign * pin.skew(angular @ along) @ angular
+            angular, sign = at.attitude.swapaxes(-1, -2) @ angular, 1.0
+        turn = (angular @ along[..., None])[..., 0]
+        turning = sign * skew(turn) @ angular
         first = len(self.outputs) - len(self._angular)
-        change[first:] += turning[self._angular]
-        return np.asarray(found + left[r:] @ change)
+        change[..., first:, :] += turning[..., self._angular, :]
+        return np.asarray(found + _times(left[..., r:], change))
 
 
 def corner(matrix: np.ndarray, borders: Borders) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Corner g (e + 1,) of a bordered matrix (m, n), m <= n, with w (m,) and V (n, e + 1)."""
     b, c = borders
-    m, n = matrix.shape
-    bordered = np.zeros((n + 1, n + 1))
-    bordered[:m, :n] = matrix
-    bordered[:m, n:] = b
-    bordered[m:, :n] = c.T
-    unit = np.eye(n + 1)
-    right = np.linalg.solve(bordered, unit[:, m:])
-    left = np.linalg.solve(bordered.T, unit[n])
-    return right[n], left[:m], right[:n]
+    m, n = matrix.shape[-2:]
+    bordered = np.zeros((*matrix.shape[:-2], n + 1, n + 1))
+    bordered[..., :m, :n] = matrix
+    bordered[..., :m, n:] = b
+    bordered[..., m:, :n] = c.swapaxes(-1, -2)
+    unit = np.broadcast_to(np.eye(n + 1), bordered.shape)
+    right = np.linalg.solve(bordered, unit[..., m:])
+    left = np.linalg.solve(bordered.swapaxes(-1, -2), unit[..., n:])[..., 0]
+    return right[..., n, :], left[..., :m], right[..., :n, :]
 
 
-def _bracket(mechanism: Mechanism, v: np.ndarray) -> np.ndarray:
-    """Matrix (nv, nv) of x -> [x, v] in the tangent space: not zero for floating bodies only."""
-    out = np.zeros((v.size, v.size))
-    for joint in list(mechanism.model.joints)[1:]:
-        if joint.nv == 6:
-            block = slice(joint.idx_v, joint.idx_v + 6)
-            out[block, block] = -pin.Motion(v[block]).action
-    return out * mechanism.column_scale
+def _times(row: np.ndarray, matrix: np.ndarray) -> np.ndarray:
+    """Product (n,) of a row (m,) and a matrix (m, n)."""
+    return np.asarray((row[..., None, :] @ matrix)[..., 0, :])
+
+
+def _bracket(mechanism: Mechanism, v: np.ndarray) -> np.ndarray | None:
+    """Matrix (nv, nv) of x -> [x, v] in the tangent space: None where no body floats."""
+    floating = [joint.idx_v for joint in list(mechanism.model.joints)[1:] if joint.nv == 6]
+    if not floating:
+        return None
+    out = np.zeros((*v.shape[:-1], v.shape[-1], v.shape[-1]))
+    for first in floating:
+        linear, angular = skew(v[..., first : first + 3]), skew(v[..., first + 3 : first + 6])
+        out[..., first : first + 3, first : first + 3] = -angular
+        out[..., first : first + 3, first + 3 : first + 6] = -linear
+        out[..., first + 3 : first + 6, first + 3 : first + 6] = -angular
+    return np.asarray(out * mechanism.column_scale)

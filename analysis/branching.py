@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from closedchain.analysis.tracing import SOLVED, System, settle
+from closedchain.analysis.corrector import SOLVED, System, settle
 
 RAYS = 48  # directions that are looked at; curves closer than two of them are taken for one
 ITERATIONS = 6

@@ -4,59 +4,50 @@ from __future__ import annotations
 
 import numpy as np
 
-from closedchain.analysis.curves import seeds_of
-from closedchain.analysis.lattice import finer, measured
-from closedchain.analysis.seeds import Seed
+from closedchain.analysis.grid import Progress
+from closedchain.analysis.lattice import finer
+from closedchain.analysis.seeds import brackets, middles
 from closedchain.analysis.tracked import Tracker
-from closedchain.analysis.walk import Progress
-
-ROUNDS = 2  # times that what was missed is traced
 
 
 def complete(
-    tracker: Tracker, kind: str, outputs: tuple[str, ...], progress: Progress | None = None
+    tracker: Tracker, kind: str, touched: np.ndarray, progress: Progress | None = None
 ) -> int:
     """Trace what a grid twice as fine shows besides; return how much of it stays away from the set.
 
     Every sign change, and every end of the branch where the chart folds, must lie within a cell of
-    the coarse grid of some point of the set.
+    the coarse grid of some point of the set, ``touched`` (n, k) among them.
     """
-    coarse = tracker.lattice
-    axes, status, q = finer(coarse, progress)
-    fine = measured(coarse.chart, axes, status, q, (kind,), outputs, progress)
-    seeds = seeds_of(fine, kind)
-    tracker.lattice = fine
-    away = _away(tracker, seeds, coarse.cell)
-    for _ in range(ROUNDS):
-        if not away:
-            break
-        dropped = tracker.dropped
-        tracker.follow(away)
-        tracker.dropped = dropped  # what leads nowhere is counted as missed
-        away = _away(tracker, away, coarse.cell)
-    tracker.lattice = coarse
-    return len(away)
+    from scipy.spatial import cKDTree
+
+    fine, cell = finer(tracker.lattice, progress), tracker.lattice.cell
+    edges = brackets(fine, kind)
+    if len(touched):  # a cell that is singular itself counts as either sign
+        apart, _ = cKDTree(touched / cell).query(middles(fine, edges) / cell)
+        edges = edges.take(apart > 1.0)
+    places, found = middles(fine, edges), tracker.located(kind, fine, edges)
+    away = _away(tracker, places, found, cell)
+    if away.any():
+        for _ in tracker.follow(found[away]):
+            pass
+        away &= _away(tracker, places, found, cell)
+    return int(away.sum())
 
 
-def _away(tracker: Tracker, seeds: list[Seed], cell: np.ndarray) -> list[Seed]:
-    """Seeds whose solution lies on nothing that was traced, or is further than a cell from it.
+def _away(tracker: Tracker, places: np.ndarray, found: np.ndarray, cell: np.ndarray) -> np.ndarray:
+    """Which places (n, k) have no traced point within a cell, or a solution that none passes.
 
-    The solution tells apart sheets that lie on top of each other in the coordinates.
+    The solution (n, nq + k) tells apart sheets that lie on top of each other in the coordinates.
     """
     from scipy.spatial import cKDTree
 
     points = [tracker.system.coordinates(c.points) for c in tracker.linked()]
     points += [tracker.system.coordinates(z)[None] for z in tracker.points]
-    if not points or not seeds:
-        return seeds
-    tree = cKDTree(np.concatenate(points) / cell)
-    apart, _ = tree.query(np.array([seed.place for seed in seeds]) / cell)
-    away = []
-    for seed, distance in zip(seeds, apart, strict=True):
-        z = tracker.polished(seed) if distance <= 1.0 else None
-        known = distance <= 1.0 and (
-            z is None or any(b.beyond(z) is not None for b in tracker.bounds) or tracker.knows(z)
-        )
-        if not known:
-            away.append(seed)
-    return away
+    if not points or not len(places):
+        return np.ones(len(places), dtype=bool)
+    apart, _ = cKDTree(np.concatenate(points) / cell).query(places / cell)
+    away = apart > 1.0
+    for i in np.flatnonzero(~away & np.isfinite(found[:, 0])):
+        outside = any(b.beyond(found[i]) is not None for b in tracker.bounds)
+        away[i] = not outside and not tracker.knows(found[i])
+    return np.asarray(away)

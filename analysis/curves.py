@@ -1,34 +1,28 @@
 """Singular curves and points of a slice: seeds from a lattice, traced by continuation.
 
 A kind at which the chart folds ends the branch; its seeds lie along the branch's boundary. The
-other kinds change the sign of a determinant inside the branch. Kinds whose matrix is not square,
-and those that only touch zero, are sought from the least singular values of the lattice.
+other kinds change the sign of a determinant inside the branch. Kinds whose matrix is not square
+are sought from the least singular values; determinants that touch zero, along the grid's lines.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
+from itertools import chain
 
 import numpy as np
 
 from closedchain.analysis.bordered import Measure
-from closedchain.analysis.lattice import Lattice, lattice_of
-from closedchain.analysis.membership import along
-from closedchain.analysis.seeds import Seed, ends_of_branch, least_values, sign_changes
+from closedchain.analysis.grid import Progress
+from closedchain.analysis.lattice import Lattice
+from closedchain.analysis.membership import along, reached
+from closedchain.analysis.seeds import brackets, least_values
 from closedchain.analysis.singular_set import Piece, SingularitySet, collect
 from closedchain.analysis.slices import Slice
+from closedchain.analysis.touching import touching
 from closedchain.analysis.tracked import Tracker
-from closedchain.analysis.walk import Progress, Walk
-from closedchain.closure.mechanism import Mechanism
 
 VERDICTS = {-1: "none found", 0: "isolated", 1: "curve", 2: "surface", 3: "everywhere"}
-
-
-def seeds_of(lattice: Lattice, kind: str) -> list[Seed]:
-    """Bracketed places of a kind on a lattice: each of them must lie beside the set."""
-    if kind == lattice.chart.folds:
-        return ends_of_branch(lattice)
-    return sign_changes(lattice, kind) if kind in lattice.det else []
 
 
 def is_everywhere(lattice: Lattice, kind: str) -> bool:
@@ -47,38 +41,68 @@ def tracker_of(
     tracker = Tracker(Slice(lattice.chart, measures), lattice)
     if len(kinds) == 1:
         (kind,) = kinds
-        seeds = [*seeds_of(lattice, kind), *least_values(lattice, kind)]
-        for i, seed in enumerate(seeds):
-            tracker.follow([seed])
+        found = tracker.located(kind, lattice, brackets(lattice, kind))
+        tracker.dropped = int(np.isnan(found[:, :1]).sum())
+        least = least_values(lattice, kind)
+        points = chain(found, map(tracker.polished, least))
+        for i, _ in enumerate(tracker.follow(points)):
             if progress is not None:
-                progress(f"tracing {kind} curves", i + 1, len(seeds))
+                progress(f"tracing {kind} curves", i + 1, len(found) + len(least))
     return tracker
 
 
 def curve_set(
-    tracker: Tracker, kind: str, outputs: tuple[str, ...], missed: int | None = None
+    tracker: Tracker,
+    kind: str,
+    outputs: tuple[str, ...],
+    missed: int | None = None,
+    touched: Sequence[Piece] = (),
 ) -> SingularitySet:
-    """Singular set from what was traced: the pieces that the branch touches, each of them whole."""
+    """Singular set from what was traced: the pieces that the branch meets, each of them whole.
+
+    ``touched`` are those that have no sign change, see ``touching``.
+    """
     system, lattice = tracker.system, tracker.lattice
     curves = [
         Piece(c.points, along(system, lattice, c.points), c.ends, c.crossings)
         for c in tracker.linked()
     ]
-    points = [Piece(z[None], along(system, lattice, z[None])) for z in tracker.points]
-    touched = [[p for p in pieces if p.on_branch.any()] for pieces in (curves, points)]
-    dimension = 1 if touched[0] else 0
-    verdict = VERDICTS[tracker.degenerate or (dimension if touched[0] or touched[1] else -1)]
+    points = [Piece(z[None], reached(system, lattice, z[None])) for z in tracker.points]
+    square = kind in lattice.det or kind == lattice.chart.folds
+    curves += [p for p in touched if p.ends is not None]
+    points += [p for p in touched if p.ends is None]
+    if square:
+        points += _alone(tracker, [*curves, *points])
+    curves, points = ([p for p in ps if p.on_branch.any()] for ps in (curves, points))
+    dimension = 1 if curves else 0
+    verdict = VERDICTS[dimension if curves or points else -1]
+    if tracker.degenerate and not square:
+        verdict = VERDICTS[tracker.degenerate]
     return collect(
         lattice.chart,
         kind,
         outputs,
-        touched[0] + touched[1],
+        curves + points,
         dimension=dimension,
         verdict=verdict,
         dropped=tracker.dropped,
         missed=missed,
         note=_note(tracker, kind, outputs),
     )
+
+
+def _alone(tracker: Tracker, pieces: Sequence[Piece]) -> list[Piece]:
+    """Solutions with degenerate equations that lie beside no piece, each of them once."""
+    system, lattice = tracker.system, tracker.lattice
+    near = [system.coordinates(p.points) for p in pieces]
+    found: list[Piece] = []
+    for z in tracker.flat:
+        c = system.coordinates(z)
+        if any((np.abs(n - c) <= lattice.cell).all(axis=1).any() for n in near):
+            continue
+        near.append(c[None])
+        found.append(Piece(z[None], reached(system, lattice, z[None])))
+    return found
 
 
 def _note(tracker: Tracker, kind: str, outputs: tuple[str, ...]) -> str:
@@ -112,24 +136,16 @@ def curves_on(
             lattice.chart, kind, outputs, (), dimension=0, verdict="everywhere", note=note
         )
     tracker = tracker_of(lattice, (kind,), outputs, progress)
+    touched: list[Piece] = []
+    if kind in lattice.det:
+        touched, passing = touching(tracker.system, lattice, kind, tracker.knows)
+        for z in passing:
+            tracker.add(z)
     missed = None
     if check and (kind in lattice.det or kind == lattice.chart.folds):
         from closedchain.analysis.completeness import complete
 
-        missed = complete(tracker, kind, outputs, progress)
-    return curve_set(tracker, kind, outputs, missed)
-
-
-def curves_of(
-    mechanism: Mechanism,
-    kind: str,
-    walked: Walk,
-    found: Mapping[str, np.ndarray],
-    outputs: tuple[str, ...],
-    progress: Progress | None = None,
-) -> SingularitySet:
-    """Set of kind "direct" or "inverse" on a walked grid with its evaluated measures.
-
-    Only what lies on the branch of the walk is kept.
-    """
-    return curves_on(lattice_of(walked, found, outputs), kind, outputs, progress).of_branch()
+        k = len(lattice.values)
+        there = np.concatenate([np.zeros((0, k)), *(p.points[:, -k:] for p in touched)])
+        missed = complete(tracker, kind, there, progress)
+    return curve_set(tracker, kind, outputs, missed, touched)

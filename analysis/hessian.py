@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from closedchain.analysis.accelerators import lie_form
-from closedchain.analysis.circuits import circuits
+from closedchain.analysis.circuits.chains import circuits
 from closedchain.analysis.screws import shifted
 from closedchain.closure.mechanism import Mechanism, finite_vector
 from closedchain.closure.ranks import Rank

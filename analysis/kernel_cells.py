@@ -13,8 +13,12 @@ from closedchain.closure.chart import Chart
 class KernelCells:
     """Cells in bulk; threads may share them."""
 
-    def __init__(self, chart: Chart, outputs: tuple[str, ...]) -> None:
-        """Prepare for a chart; ``outputs`` are those of the measures."""
+    def __init__(self, chart: Chart, outputs: tuple[str, ...], *, explain: bool = True) -> None:
+        """Prepare for a chart; ``outputs`` are those of the measures.
+
+        Without ``explain`` ways that seem to end for no reason are not looked into.
+        """
+        self.explain = explain
         self.chart = chart
         self.batch = Batch(chart.mechanism, chart, outputs or None)
         self.reference = ReferenceCells(chart, outputs)
@@ -38,6 +42,8 @@ class KernelCells:
     ) -> np.ndarray:
         """Breadth first, in the kernel; ways that seem to end for no reason are looked into."""
         ends = self.batch.spread(values, status, q, seeds, label, done)
+        if not self.explain:
+            return ends
         for cell in map(tuple, np.argwhere(ends == STUCK)):
             solved = [n for n in neighbours(cell, status.shape) if status[n] == label]
             if any(self.reference.ends_at_fold(q[n], values[n], values[cell]) for n in solved):
@@ -48,6 +54,10 @@ class KernelCells:
         """Descend from each start, in the kernel."""
         found, verdict = self.batch.search(values[None], starts)
         return found[0] if verdict[0] == CLOSED else None
+
+    def determinants(self, q: np.ndarray) -> dict[str, np.ndarray]:
+        """Determinants and the residual alone of postures (n, nq), in the kernel."""
+        return oriented(self.chart, self.batch.determinants(q))
 
     def measures(self, q: np.ndarray) -> dict[str, np.ndarray]:
         """Singular values and determinants, in the kernel."""

@@ -7,16 +7,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from closedchain.analysis.grid import OK, STATUSES, Grid
+from closedchain.analysis.grid import STATUSES, Grid
 from closedchain.analysis.measures import LONG_NAMES
 from closedchain.closure.chart import TILTS, Chart
-from closedchain.closure.mechanism import Mechanism
 from closedchain.urdf.description import OUTPUTS
 
 if TYPE_CHECKING:
     import xarray as xr
-
-    from closedchain.analysis.walk import Walk
 
 STATUS_LABELS = {
     "flag_values": list(range(len(STATUSES))),
@@ -83,20 +80,3 @@ def map_labels(grid: Grid, outputs: tuple[str, ...]) -> dict[str, Any]:
         "pinocchio_version": pin.__version__,
         "numpy_version": np.__version__,
     }
-
-
-def dataset(
-    mechanism: Mechanism,
-    walked: Walk,
-    columns: Mapping[str, np.ndarray],
-    outputs: tuple[str, ...],
-    *,
-    keep_q: bool = False,
-) -> xr.Dataset:
-    """Label the outcome of a walk over a grid and of its measures."""
-    arrays = {"status": walked.status, **columns}
-    if keep_q:
-        arrays["q"] = np.where((walked.status == OK)[..., None], walked.q, np.nan)
-    if walked.grid.chart.mechanism is not mechanism:
-        raise ValueError("the walk was made with another mechanism")
-    return labelled(walked.grid, arrays, outputs)

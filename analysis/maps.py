@@ -6,13 +6,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 from numpy.typing import ArrayLike
 
-from closedchain.analysis.grid import OK, Grid, Progress, grid_of
-from closedchain.analysis.labels import dataset, labelled
-from closedchain.analysis.measures import CHUNK, KINDS, measures_at
-from closedchain.analysis.walk import Walk
+from closedchain.analysis.grid import Progress, grid_of
+from closedchain.analysis.labels import labelled
 from closedchain.closure.mechanism import Mechanism
 
 if TYPE_CHECKING:
@@ -117,27 +114,3 @@ def _measures(job: Job, report: Progress | None) -> tuple[str, ...]:
     if report is not None and not job.cells.compiled():
         report("compiling the kernel, once on this machine", 0, 0)
     return tuple(job.cells.measures(job.grid.start[None]))
-
-
-def evaluate(
-    walked: Walk,
-    mechanism: Mechanism,
-    outputs: tuple[str, ...],
-    progress: Progress | None = None,
-) -> dict[str, np.ndarray]:
-    """Measures of every cell that is ok, NaN elsewhere: name to array of the grid's shape."""
-    cells = np.argwhere(walked.status == OK)
-    found: dict[str, np.ndarray] = {}
-    for begin in range(0, len(cells), CHUNK):
-        chunk = cells[begin : begin + CHUNK]
-        where = tuple(chunk.T)
-        for name, values in measures_at(mechanism, walked.q[where], outputs).items():
-            if name not in found:
-                found[name] = np.full(walked.status.shape, np.nan)
-            found[name][where] = values
-        if progress is not None:
-            progress("singular values", begin + len(chunk), len(cells))
-    return found
-
-
-__all__ = ["CHUNK", "KINDS", "Grid", "dataset", "evaluate", "singularity_map"]

@@ -37,8 +37,13 @@ def fill(
     journal: Journal,
     crew: Crew,
     report: Progress | None,
+    *,
+    others: bool = True,
 ) -> None:
-    """Fill the store, from where the journal says that an earlier run stopped."""
+    """Fill the store, from where the journal says that an earlier run stopped.
+
+    Without ``others`` only the branch is followed, and what it does not reach is not told apart.
+    """
     run = _Run(job, anchor, store, journal, crew, report)
     state = journal.state()
     if state is None:
@@ -47,7 +52,7 @@ def fill(
     while state.active or state.stage == "branch":
         if state.active:
             run.round(state)
-        following = run.after(state)
+        following = run.after(state, others=others)
         journal.begin(following, state.name)
         state = following
     for tile in job.tiles.all():
@@ -119,7 +124,7 @@ class _Run:
         self.seen += len(found.cells)
         self.edges[tile] = len(found.edge) > 0
 
-    def after(self, state: State) -> State:
+    def after(self, state: State, *, others: bool) -> State:
         """Next round: the tiles beside those whose cells at their edges got solved."""
         grown = {
             beside
@@ -130,6 +135,8 @@ class _Run:
         self.edges, seen = {}, max(self.seen, state.seen)
         if grown or state.stage == "others":
             return State(state.stage, state.round + 1, tuple(sorted(grown)), seen)
+        if not others:
+            return State("others", 0, (), seen)
         cells = product(
             *(np.unique(a // s) for a, s in zip(self.lattice, self.tiles.size, strict=True))
         )

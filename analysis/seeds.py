@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from closedchain.analysis.edges import Edges
+from closedchain.analysis.grid import JOINT_LIMIT
 from closedchain.analysis.lattice import Lattice, cells_around
-from closedchain.analysis.walk import JOINT_LIMIT
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,49 +37,45 @@ REACH = 1.5  # cells from a bracketed seed to the set
 FAR = 2.5  # cells from a least value to the set
 
 
-def sign_changes(lattice: Lattice, kind: str) -> list[Seed]:
-    """Pairs of neighbours in the branch between which the determinant of a kind changes sign.
+def brackets(lattice: Lattice, kind: str) -> Edges:
+    """Edges of the grid that the set of a kind crosses: none where that cannot be told.
 
-    Cells that are singular themselves count as either sign.
+    A kind at which the chart folds ends the branch: edges lead from cells of the branch to cells
+    that it does not reach, joint limits excepted. Other kinds change the sign of a determinant
+    between cells of the branch; cells that are singular themselves count as either sign.
     """
-    det = np.where(lattice.singular[kind], 0.0, lattice.det[kind])
-    sigma = lattice.sigma[kind]
-    seeds = []
-    for axis in range(det.ndim):
-        one, two = _pairs(det.ndim, axis)
-        with np.errstate(invalid="ignore"):
-            product = np.sign(det[one]) * np.sign(det[two])
-        both = lattice.ok[one] & lattice.ok[two]
-        for cell in map(tuple, np.argwhere(both & (product <= 0.0))):
-            beside = (*cell[:axis], cell[axis] + 1, *cell[axis + 1 :])
-            start = cell if sigma[cell] <= sigma[beside] else beside
-            ends = lattice.place(np.array([cell, beside]))
-            share = _share(det[cell], det[beside])
-            place = ends[0] + share * (ends[1] - ends[0])
-            seeds.append(Seed(place, start, axis, REACH))
-    return seeds
-
-
-def _share(one: float, two: float) -> float:
-    return 0.5 if one == two else float(one / (one - two))
-
-
-def ends_of_branch(lattice: Lattice) -> list[Seed]:
-    """Cells of the branch beside cells that it does not reach, joint limits excepted."""
     ok = lattice.ok
+    folds = kind == lattice.chart.folds
+    if not folds and kind not in lattice.det:
+        return Edges(np.zeros((0, ok.ndim), dtype=int), np.zeros(0, dtype=int))
     out = ~ok & (lattice.status != JOINT_LIMIT)
-    seeds = []
+    det = np.zeros(ok.shape) if folds else np.where(lattice.singular[kind], 0.0, lattice.det[kind])
+    lower, axes = [], []
     for axis in range(ok.ndim):
         one, two = _pairs(ok.ndim, axis)
-        for inside, outside, shift in ((one, two, 0), (two, one, 1)):
-            for cell in map(tuple, np.argwhere(ok[inside] & out[outside])):
-                lower = lattice.place(np.array([cell]))[0]
-                start = (*cell[:axis], cell[axis] + shift, *cell[axis + 1 :])
-                place = lower.copy()
-                v = lattice.values[axis]
-                place[axis] = 0.5 * (v[cell[axis]] + v[cell[axis] + 1])
-                seeds.append(Seed(place, start, axis, REACH))
-    return seeds
+        if folds:
+            chosen = (ok[one] & out[two]) | (out[one] & ok[two])
+        else:
+            with np.errstate(invalid="ignore"):
+                chosen = ok[one] & ok[two] & (np.sign(det[one]) * np.sign(det[two]) <= 0.0)
+        cells = np.argwhere(chosen)
+        lower.append(cells)
+        axes.append(np.full(len(cells), axis))
+    return Edges(np.concatenate(lower), np.concatenate(axes))
+
+
+def middles(lattice: Lattice, edges: Edges) -> np.ndarray:
+    """Coordinates (n, k) halfway along edges."""
+    return 0.5 * (lattice.place(edges.lower) + lattice.place(edges.upper))
+
+
+def seed_on(lattice: Lattice, kind: str, edges: Edges, i: int) -> Seed:
+    """An edge as a seed: from whichever end lies in the branch and is nearer to the set."""
+    one, two = tuple(edges.lower[i]), tuple(edges.upper[i])
+    sigma = [lattice.sigma[kind][c] if lattice.ok[c] else np.inf for c in (one, two)]
+    cell = tuple(int(j) for j in (one if sigma[0] <= sigma[1] else two))
+    place = middles(lattice, edges.take(np.array([i])))[0]
+    return Seed(place, cell, int(edges.axis[i]), REACH)
 
 
 def least_values(lattice: Lattice, kind: str, most: int = 60) -> list[Seed]:

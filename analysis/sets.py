@@ -6,17 +6,17 @@ from collections.abc import Mapping, Sequence
 
 from numpy.typing import ArrayLike
 
-from closedchain.analysis.curves import curves_of, curves_on, is_everywhere
-from closedchain.analysis.grid import grid_of
-from closedchain.analysis.lattice import Lattice, lattice_of, measured, spread
+from closedchain.analysis.curves import curves_on, is_everywhere
+from closedchain.analysis.grid import Progress, grid_of
+from closedchain.analysis.lattice import Lattice, lattice_on
 from closedchain.analysis.meeting import meeting
 from closedchain.analysis.singular_set import KINDS, SingularitySet
 from closedchain.analysis.surfaces import surface_set
-from closedchain.analysis.walk import Progress, Walk
 from closedchain.closure.mechanism import Mechanism
 from closedchain.urdf.errors import ClosureError, known_names
 
 BOTH = ("direct", "inverse")
+MOST_CHECKED = 200_000  # cells of a grid twice as fine that is walked without being asked for
 
 
 def singularity_set(
@@ -50,8 +50,8 @@ def singularity_set(
     outputs : str, optional
         Outputs of the task; those of the description by default.
     check : bool, optional
-        Look for what was missed on a grid twice as fine. By default, curves are checked and
-        surfaces are not, whose grid would have eight times as many cells.
+        Look for what was missed on a grid twice as fine, which has four or eight times as many
+        cells. By default where these are no more than ``MOST_CHECKED``.
     progress : bool or callable
         True shows a bar on a terminal; a callable gets (what, done, total).
 
@@ -78,12 +78,10 @@ def singularity_set(
         outputs if outputs is None or isinstance(outputs, str) else tuple(outputs)
     )
     grid = grid_of(mechanism, over, at, outputs=names, mode=mode)
-    kinds = BOTH if kind == "combined" else (kind,)
     with reporting(progress) as report:
-        status, q = spread(grid.chart, grid.values, report)
-        lattice = measured(grid.chart, grid.values, status, q, kinds, names, report)
+        lattice = lattice_on(grid, names, report)
         if check is None:
-            check = len(grid.values) == 2
+            check = lattice.ok.size * 2 ** len(grid.values) <= MOST_CHECKED
         return set_of(lattice, kind, names, report, check=check)
 
 
@@ -95,25 +93,14 @@ def set_of(
     *,
     check: bool = False,
 ) -> SingularitySet:
-    """Singular set of a kind on a lattice; ``check`` it for completeness where it is of curves."""
+    """Singular set of a kind on a lattice; ``check`` it against a grid twice as fine."""
     if kind == "combined":
         one, two = (set_of(lattice, k, outputs, progress, check=check) for k in BOTH)
         return meeting(lattice, one, two, outputs)
     square = kind in lattice.det or kind == lattice.chart.folds
     if len(lattice.values) == 3 and square and not is_everywhere(lattice, kind):
-        return surface_set(lattice, kind, outputs, progress)
+        return surface_set(lattice, kind, outputs, progress, check=check)
     return curves_on(lattice, kind, outputs, progress, check=check)
 
 
-def meeting_points(
-    mechanism: Mechanism,
-    one: SingularitySet,
-    two: SingularitySet,
-    walked: Walk,
-    outputs: tuple[str, ...],
-) -> SingularitySet:
-    """Combined set where a direct and an inverse set of the same walk meet."""
-    return meeting(lattice_of(walked, {}, outputs), one, two, outputs).of_branch()
-
-
-__all__ = ["SingularitySet", "curves_of", "meeting_points", "set_of", "singularity_set"]
+__all__ = ["SingularitySet", "set_of", "singularity_set"]

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from closedchain.analysis.singularities import classify
+from closedchain.analysis.classifying import Kinds, classified
 from closedchain.closure.chart import Chart
 
 KINDS = ("direct", "inverse", "combined", "constraint")
@@ -63,7 +63,8 @@ class SingularitySet:
         True where every posture of the slice is singular of this kind: there are no points then.
     verdict : str
         "isolated", "curve" or "surface": what the set is in this slice, by the rank of its
-        equations at the points found; "everywhere"; or "none found".
+        equations at the points found, or by how these join where a determinant only touches zero;
+        "everywhere"; or "none found".
     dropped : int
         Bracketed places near which no singular posture was found.
     missed : int or None
@@ -182,20 +183,20 @@ def collect(
     """Classify the points and index the pieces; points that are not of the kind are dropped."""
     nq, k = chart.mechanism.model.nq, len(chart.names)
     points: list[np.ndarray] = []
-    found = []
+    found: list[Kinds] = []
     indices: list[np.ndarray] = []
     ends: list[tuple[str, str]] = []
     crossings: list[int] = []
     reached: list[bool] = []
     for piece in pieces:
         number = np.full(len(piece.points), -1)
-        for i, z in enumerate(piece.points):
-            c = classify(chart.mechanism, z[:nq], outputs)
+        q = piece.points[:, :nq]
+        for i, c in enumerate(classified(chart.mechanism, q, outputs)):
             if not wanted(kind) <= c.kinds:
                 dropped += 1  # a zero of the equations, yet not singular by classify
                 continue
             number[i] = len(points)
-            points.append(z)
+            points.append(piece.points[i])
             found.append(c)
             reached.append(bool(piece.on_branch[i]))
         if piece.triangles is not None:
@@ -207,7 +208,6 @@ def collect(
                 ends.append(piece.ends)
         crossings += [int(number[i]) for i in piece.crossings if number[i] >= 0]
     z = np.array(points).reshape(len(points), nq + k)
-    sigmas = [(c.sigma_direct, c.sigma_inverse, c.sigma_constraint) for c in found]
     return SingularitySet(
         kind=kind,
         chart=chart,
@@ -216,7 +216,7 @@ def collect(
         coordinates=z[:, nq:],
         q=z[:, :nq],
         kinds=tuple(c.kinds for c in found),
-        sigmas=np.array(sigmas).reshape(len(found), 3),
+        sigmas=np.array([c.sigmas for c in found]).reshape(len(found), 3),
         free_twists=tuple(c.free_twists for c in found),
         lost_twists=tuple(c.lost_twists for c in found),
         dimension=dimension,

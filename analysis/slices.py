@@ -6,27 +6,25 @@ fails: at a fold of the chart the solution turns round in c and goes on in q.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import pinocchio as pin
 
-from closedchain.analysis.bordered import Borders, Kinematics, Measure, kinematics
+from closedchain.analysis.bordered import Borders, Measure
+from closedchain.analysis.chart_rows import chart_rows
 from closedchain.analysis.mobility import generic_rank
+from closedchain.analysis.postures_at import apart, kinematics, moved
 from closedchain.closure.chart import Chart
 from closedchain.closure.mechanism import Mechanism
-from closedchain.urdf.description import OUTPUTS
-
-TURN = 1e-6  # rad or m/length: central difference of the target pose along a coordinate
 
 
 @dataclass(frozen=True, eq=False)
 class Frame:
     """What is held fixed while Newton's method runs: combined closure rows, borders.
 
-    The equations are smooth with it held, and their signs can be compared.
+    The equations are smooth with it held, and their signs can be compared. Of many points, each
+    has its own.
     """
 
     combine: np.ndarray
@@ -75,11 +73,12 @@ class Slice:
     def _tip(self) -> bool:
         return bool(self.chart.outputs) or any(m.needs_tip for m in self.measures)
 
-    # -- points ----------------------------------------------------------------------------------
+    # -- points: one (nq + k,) or many (n, nq + k) ------------------------------------------------
 
     def point(self, q: np.ndarray, values: np.ndarray | None = None) -> np.ndarray:
-        """Point z of a posture (nq,) and coordinates (k,), by default its own."""
-        return np.concatenate([q, self.chart.values(q) if values is None else values])
+        """Points z of postures and coordinates (k,), by default their own."""
+        values = self.chart.values(q) if values is None else values
+        return np.concatenate([q, values], axis=-1)
 
     def posture(self, z: np.ndarray) -> np.ndarray:
         """Posture (nq,), or postures (n, nq)."""
@@ -90,26 +89,27 @@ class Slice:
         return z[..., self.mechanism.model.nq :]
 
     def move(self, z: np.ndarray, step: np.ndarray) -> np.ndarray:
-        """Point after a dimensionless step."""
-        model, by = self.mechanism.model, step * self.unit
-        q = pin.integrate(model, self.posture(z), by[: model.nv])
-        return np.concatenate([q, self.coordinates(z) + by[model.nv :]])
+        """Points after dimensionless steps (nv + k,)."""
+        nv, by = self.mechanism.model.nv, step * self.unit
+        q = moved(self.mechanism, self.posture(z), by[..., :nv])
+        return np.concatenate([q, self.coordinates(z) + by[..., nv:]], axis=-1)
 
     def difference(self, one: np.ndarray, two: np.ndarray) -> np.ndarray:
-        """Dimensionless step from ``one`` to ``two``."""
-        change = pin.difference(self.mechanism.model, self.posture(one), self.posture(two))
-        return np.concatenate([change, self.coordinates(two) - self.coordinates(one)]) / self.unit
+        """Dimensionless steps from ``one`` to ``two``."""
+        change = apart(self.mechanism, self.posture(one), self.posture(two))
+        shift = self.coordinates(two) - self.coordinates(one)
+        return np.asarray(np.concatenate([change, shift], axis=-1) / self.unit)
 
-    # -- equations -------------------------------------------------------------------------------
+    # -- equations: of one point or of many ------------------------------------------------------
 
     def frame(self, z: np.ndarray) -> Frame:
-        """Combined rows and borders that suit a point and its neighbourhood."""
+        """Combined rows and borders that suit points and their neighbourhood."""
         at = kinematics(self.mechanism, self.posture(z), tip=self._tip)
         r = generic_rank(self.mechanism)
         if r == self.mechanism.rows and not self.unfold:
             combine = np.eye(r)
         else:
-            combine = np.linalg.svd(at.closures)[0][:, :r].T
+            combine = np.linalg.svd(at.closures)[0][..., :r].swapaxes(-1, -2)
         return Frame(combine, tuple(m.borders(at, combine) for m in self.measures))
 
     @cached_property
@@ -124,72 +124,25 @@ class Slice:
         """Residual (rows,) and Jacobian (rows, nv + k), dimensionless."""
         q, nv = self.posture(z), self.mechanism.model.nv
         at = kinematics(self.mechanism, q, tip=self._tip)
-        closures = frame.combine[:-1] if self.unfold else frame.combine
-        values, rows = [closures @ at.residual], [closures @ at.closures]
-        coordinates, by_q, by_c = self._chart_rows(q, self.coordinates(z), at)
+        closures = frame.combine[..., :-1, :] if self.unfold else frame.combine
+        values = [(closures @ at.residual[..., None])[..., 0]]
+        rows = [closures @ at.closures]
+        coordinates, by_q, by_c = chart_rows(self.chart, q, self.coordinates(z), at)
         for measure, borders in zip(self.measures, frame.borders, strict=True):
             g, gradient = measure.evaluate(q, at, frame.combine, borders)
             values.append(g)
             rows.append(gradient)
-        jacobian = np.zeros((sum(v.size for v in values) + coordinates.size, self.size))
-        first = jacobian.shape[0] - coordinates.size
-        jacobian[:first, :nv] = np.vstack(rows)
-        jacobian[first:, :nv], jacobian[first:, nv:] = by_q, by_c
-        return np.concatenate([*values, coordinates]), jacobian
+        above = np.concatenate(rows, axis=-2)
+        first, count = above.shape[-2], coordinates.shape[-1]
+        jacobian = np.zeros((*z.shape[:-1], first + count, self.size))
+        jacobian[..., :first, :nv] = above
+        jacobian[..., first:, :nv], jacobian[..., first:, nv:] = by_q, by_c
+        return np.concatenate([*values, coordinates], axis=-1), jacobian
 
-    def residual(self, z: np.ndarray) -> float:
-        """Largest closure [m, rad], over all rows, and coordinate row; no measure."""
+    def residual(self, z: np.ndarray) -> np.ndarray:
+        """Largest closure [m, rad], over all rows, and coordinate row (...); no measure."""
         q = self.posture(z)
         at = kinematics(self.mechanism, q, tip=self._tip)
-        coordinates = self._chart_rows(q, self.coordinates(z), at)[0]
-        closed = np.abs(at.residual * self.mechanism.row_scale).max(initial=0.0)
-        return float(max(closed, np.abs(coordinates).max(initial=0.0)))
-
-    def _chart_rows(
-        self, q: np.ndarray, c: np.ndarray, at: Kinematics
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Values (rows,) of the chart's rows, their derivatives by q (rows, nv), c (rows, k)."""
-        chart, k = self.chart, c.size
-        offsets = TURN * np.diag(chart.scale)
-        pins, turns, places = chart.prescribed(np.vstack([c, c + offsets, c - offsets]))
-        ahead, behind = slice(1, 1 + k), slice(1 + k, None)
-        unit = self.mechanism.column_scale[chart.pinned_v]
-        values = (q[chart.pinned_q] - pins[0]) / unit
-        by_q = np.eye(self.mechanism.model.nv)[chart.pinned_v]
-        by_c = (pins[behind] - pins[ahead]).T / unit[:, None] / (2.0 * TURN)
-        if not chart.outputs:
-            return values, by_q, by_c
-        goal, by_twist = _goal_rows(at, turns[0], places[0], chart.outputs)
-        # a twist of the target is the opposite twist of the tip
-        target = np.zeros((6, k))
-        target[:3] = (places[ahead] - places[behind]).T
-        for i in range(k):
-            target[3:, i] = pin.log3(turns[1 + i] @ turns[1 + k + i].T)
-        goal_unit = np.array([self.mechanism.length if n in "xyz" else 1.0 for n in chart.outputs])
-        by_twist = by_twist / goal_unit[:, None]
-        return (
-            np.concatenate([values, goal / goal_unit]),
-            np.vstack([by_q, by_twist @ (at.tip * self.mechanism.column_scale)]),
-            np.vstack([by_c, by_twist @ target / (-2.0 * TURN)]),
-        )
-
-
-def _goal_rows(
-    at: Kinematics, turn: np.ndarray, place: np.ndarray, outputs: Sequence[str]
-) -> tuple[np.ndarray, np.ndarray]:
-    """Rows of a tip goal as ``closure.task`` has them, and their derivative by the tip's twist."""
-    linear = [OUTPUTS.index(n) for n in outputs if n in "xyz"]
-    angular = [OUTPUTS.index(n) - 3 for n in outputs if n in OUTPUTS[3:]]
-    by_twist = np.zeros((len(outputs), 6))
-    by_twist[range(len(linear)), linear] = 1.0
-    values = [(at.place - place)[linear]]
-    if len(angular) in (1, 3):
-        relative = turn.T @ at.attitude
-        values.append(pin.log3(relative)[angular])
-        by_twist[len(linear) :, 3:] = (pin.Jlog3(relative) @ at.attitude.T)[angular]
-    elif len(angular) == 2:
-        (third,) = {0, 1, 2} - set(angular)
-        axis = at.attitude[:, third]
-        values.append(turn[:, angular].T @ axis)
-        by_twist[len(linear) :, 3:] = np.cross(axis, turn[:, angular].T)
-    return np.concatenate(values), by_twist
+        coordinates = chart_rows(self.chart, q, self.coordinates(z), at)[0]
+        closed = np.abs(at.residual * self.mechanism.row_scale).max(axis=-1, initial=0.0)
+        return np.maximum(closed, np.abs(coordinates).max(axis=-1, initial=0.0))

@@ -29,14 +29,16 @@ class Job:
     tiles: Tiles
     outputs: tuple[str, ...]
     keep_q: bool = False
-    measured: bool = True
+    explained: bool = True  # whether it matters why the branch ends where it does
     reference: bool = False
 
     @cached_property
     def cells(self) -> Cells:
         """Spreading, searching and measuring; made once in each process."""
-        make = ReferenceCells if self.reference else KernelCells
-        return make(self.grid.chart, self.outputs)
+        chart, outputs = self.grid.chart, self.outputs
+        if self.reference:
+            return ReferenceCells(chart, outputs)
+        return KernelCells(chart, outputs, explain=self.explained)
 
     def __getstate__(self) -> dict[str, object]:
         """Pickle the fields, not the solver made from them."""
@@ -144,7 +146,7 @@ class _Block:
             status=found,
             ended=ended,
             ends=ends[ended],
-            measures=job.cells.measures(q) if branch and job.measured else {},
+            measures=job.cells.measures(q) if branch else {},
             q=q if branch and job.keep_q else None,
             edge=cells[edge],
             edge_q=q[edge],

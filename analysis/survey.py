@@ -26,7 +26,6 @@ from closedchain.analysis.survey_plan import (
     check_slices,
     default_slices,
 )
-from closedchain.analysis.walk import Walk
 from closedchain.closure.chart import TILTS
 from closedchain.closure.charting import chart_of, coordinate_names
 from closedchain.closure.mechanism import Mechanism
@@ -265,9 +264,8 @@ def _slice(
     if mode is not None and not at:
         found.attrs["start"] = f"mode {mode}"
     grid = grid_of(mechanism, axes, dict(at) or None, outputs=names, mode=mode)
-    walked = Walk(grid, found["status"].to_numpy(), found["q"].to_numpy())
-    columns = {str(name): found[name].to_numpy() for name in found.data_vars}
-    lattice = lattice_of(walked, columns, names)
+    arrays = {str(name): found[name].to_numpy() for name in found.data_vars}
+    lattice = lattice_of(grid, arrays, names)
     return Slice(found.drop_vars("q"), _sets(lattice, kinds, names, report))
 
 

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from closedchain.analysis.bordered import Measure, kinematics
+from closedchain.analysis.bordered import Measure
 from closedchain.analysis.branching import leaving
+from closedchain.analysis.edges import Edges, on_edges
 from closedchain.analysis.lattice import Lattice
 from closedchain.analysis.membership import reached
-from closedchain.analysis.seeds import Seed
+from closedchain.analysis.postures_at import kinematics
+from closedchain.analysis.seeds import Seed, seed_on
 from closedchain.analysis.singularities import SINGULAR
 from closedchain.analysis.slices import Slice
 from closedchain.analysis.tracing import Bound, Path, settle, tangents, trace
@@ -43,6 +45,8 @@ class Tracker:
     curves : list of Curve
     points : list of arrays
         Solutions that lie on no curve: isolated ones.
+    flat : list of arrays
+        Solutions at which the equations are degenerate.
     crossings : list of arrays
         Branch points.
     degenerate : int
@@ -57,6 +61,7 @@ class Tracker:
     lattice: Lattice
     curves: list[Curve] = field(default_factory=list)
     points: list[np.ndarray] = field(default_factory=list)
+    flat: list[np.ndarray] = field(default_factory=list)
     crossings: list[np.ndarray] = field(default_factory=list)
     degenerate: int = 0
     dropped: int = 0
@@ -109,14 +114,23 @@ class Tracker:
                 return z
         return None
 
-    def follow(self, seeds: Iterable[Seed]) -> None:
-        """Trace the curves on which the seeds lie, and those that branch off."""
-        for seed in seeds:
-            z = self.polished(seed)
-            if z is None:
-                self.dropped += seed.axis is not None
-                continue
-            self.add(z)
+    def located(self, kind: str, lattice: Lattice, edges: Edges) -> np.ndarray:
+        """Solutions (n, nq + k) on or near edges of a lattice; NaN where there is none."""
+        found = on_edges(self.system, lattice, kind, edges)
+        mine, self.lattice = self.lattice, lattice
+        for i in np.flatnonzero(np.isnan(found[:, 0])):
+            z = self.polished(seed_on(lattice, kind, edges, int(i)))
+            if z is not None:
+                found[i] = z
+        self.lattice = mine
+        return found
+
+    def follow(self, points: Iterable[np.ndarray | None]) -> Iterator[None]:
+        """Trace the curves on which solutions lie, and those that branch off; yield after each."""
+        for z in points:
+            if z is not None and np.isfinite(z[0]):
+                self.add(z)
+            yield
 
     def add(self, z: np.ndarray) -> None:
         """Trace the curve through a solution, unless it is known; then those that branch off."""
@@ -134,7 +148,7 @@ class Tracker:
                 if any(self._gap(crossing, other) < SAME for other in self.crossings):
                     continue
                 self.crossings.append(crossing)
-                if not reached(self.system, self.lattice, crossing):
+                if not reached(self.system, self.lattice, crossing[None])[0]:
                     continue
                 near = [curve.points[j] for j in (i - 1, i + 1) if 0 <= j < len(curve.points)]
                 radius = min((self._gap(crossing, n) for n in near), default=0.0)
@@ -145,12 +159,17 @@ class Tracker:
         return float(np.linalg.norm(self.system.difference(one, two)))
 
     def _curve(self, z: np.ndarray) -> Curve | None:
-        basis = tangents(self.system, z)
+        try:
+            basis = tangents(self.system, z)
+        except np.linalg.LinAlgError:  # a rank loss of two leaves the bordered matrix singular
+            self.flat.append(z)
+            return None
         if basis.shape[1] == 0:
             self.points.append(z)
             return None
         if basis.shape[1] > 1:
             if not self._constrained(z):
+                self.flat.append(z)
                 self.degenerate = max(self.degenerate, basis.shape[1])
             return None
         ahead = trace(self.system, z, basis[:, 0], self.longest, self.bounds)

@@ -16,6 +16,8 @@ import numpy as np
 
 import closedchain as cc
 from benchmarks.timing import Row
+from closedchain.analysis.first_order import first_order
+from closedchain.analysis.singularities import determinants
 from closedchain.closure.batch import OK, UNSEEN, Batch
 from closedchain.closure.chart import Chart
 from closedchain.closure.charting import chart_of, straight
@@ -117,18 +119,17 @@ def loop_determinants(m: cc.Mechanism, postures: np.ndarray) -> None:
 
 
 def loop_measures(m: cc.Mechanism, postures: np.ndarray) -> None:
-    """Singular values and determinants, LAPACK called on all postures at once."""
-    stacked = np.array([matrices(m, q)[1] for q in postures])
-    passive = np.ascontiguousarray(stacked[:, : m.rows, m.passive_v])
-    for matrix in (passive, stacked, stacked[:, : m.rows]):
+    """What ``classify`` evaluates, with LAPACK called on all postures at once."""
+    stacked = np.array([first_order(m, q).stacked for q in postures])
+    closures, task = stacked[:, : m.rows], stacked[:, m.rows :]
+    for matrix in (closures[:, :, m.passive_v], stacked, closures):
         np.linalg.svd(matrix, compute_uv=False)
-    np.linalg.det(passive)
-    np.linalg.det(stacked)
-    kp, ka = passive, stacked[:, : m.rows, m.input_v]
-    twist_map = stacked[:, m.rows :, m.input_v] - stacked[
-        :, m.rows :, m.passive_v
-    ] @ np.linalg.solve(kp, ka)
+    determinants(m, closures, task)
+    kp, ka = closures[:, :, m.passive_v], closures[:, :, m.input_v]
+    twist_map = task[:, :, m.input_v] - task[:, :, m.passive_v] @ np.linalg.solve(kp, ka)
     np.linalg.svd(twist_map, compute_uv=False)
+    for q in postures:
+        np.abs(m.workspace.residual(q)).max()
 
 
 def walk(chart: Chart, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -17,7 +17,8 @@ def read(name: str) -> nbformat.NotebookNode:
 
 
 def test_there_are_notebooks() -> None:
-    assert {"d1_singularities.ipynb", "paper_experiments.ipynb"} <= set(PATHS)
+    wanted = {"d1_redundancy.ipynb", "d1_singularities.ipynb", "paper_experiments.ipynb"}
+    assert wanted <= set(PATHS)
 
 
 @pytest.mark.parametrize("name", PATHS)

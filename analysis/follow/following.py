@@ -15,8 +15,8 @@ from closedchain.analysis.follow.result import Follow, collected
 from closedchain.analysis.follow.stepping import run
 from closedchain.analysis.follow.task_path import Poses, as_route
 from closedchain.analysis.follow.whole_path import optimise
+from closedchain.analysis.grid import Progress
 from closedchain.analysis.progress import reporting
-from closedchain.analysis.walk import Progress
 from closedchain.closure.constraints import gaps
 from closedchain.closure.equations import Equations, correct
 from closedchain.closure.mechanism import Mechanism

@@ -10,8 +10,8 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from closedchain.analysis._routes import Route
 from closedchain.analysis.mobility import generic_rank
+from closedchain.analysis.track.routes import Route
 from closedchain.closure.equations import Equations
 from closedchain.closure.mechanism import Mechanism
 from closedchain.closure.task import goal

@@ -13,7 +13,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from closedchain.analysis._routes import Route, route
+from closedchain.analysis.track.routes import Route, route
 from closedchain.closure.mechanism import Mechanism
 from closedchain.urdf.description import OUTPUTS
 from closedchain.urdf.errors import ClosureError

@@ -8,8 +8,8 @@ from fractions import Fraction
 
 import numpy as np
 
-from closedchain.analysis.loops import LoopGraph, Pair
-from closedchain.analysis.network import column_names
+from closedchain.analysis.circuits.network import column_names
+from closedchain.analysis.structure.loops import LoopGraph, Pair
 from closedchain.analysis.symbolic.exact import exact_or_rounded
 from closedchain.analysis.symbolic.parameters import Affine, Sizes, law_angle
 from closedchain.analysis.symbolic.ring import Angle

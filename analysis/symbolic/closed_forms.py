@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from closedchain.analysis.leg_graph import LegChain
-from closedchain.analysis.legs import _structure
-from closedchain.analysis.loops import LoopGraph
+from closedchain.analysis.circuits.leg_graph import LegChain
+from closedchain.analysis.circuits.legs import _structure
+from closedchain.analysis.structure.loops import LoopGraph
 from closedchain.analysis.symbolic.chain import Chains
 from closedchain.analysis.symbolic.context import Context, input_names
 from closedchain.analysis.symbolic.coordinates import Coordinates, point_values, sample, ties

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from fractions import Fraction
 from math import isqrt
 
-from closedchain.analysis.composites import Element as PairElement
-from closedchain.analysis.drives import Drive
-from closedchain.analysis.leg_graph import LegChain
+from closedchain.analysis.circuits.drives import Drive
+from closedchain.analysis.circuits.leg_graph import LegChain
+from closedchain.analysis.structure.composites import Element as PairElement
 from closedchain.analysis.symbolic.chain import Chains
 from closedchain.analysis.symbolic.factors import primitive
 from closedchain.analysis.symbolic.ring import Angle, Element, Ring, Vector

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from closedchain.analysis.leg_graph import LegChain, LegGraph
-from closedchain.analysis.loops import LoopGraph
+from closedchain.analysis.circuits.leg_graph import LegChain, LegGraph
+from closedchain.analysis.structure.loops import LoopGraph
 from closedchain.analysis.symbolic.chain import Chains
 from closedchain.analysis.symbolic.legforms import LegForms, signed
 from closedchain.analysis.symbolic.ring import (

@@ -21,56 +21,56 @@ from closedchain.robots import load, robots
 from closedchain.urdf.errors import ClosedChainError, ClosureError, DescriptionError
 
 if TYPE_CHECKING:
-    from closedchain.analysis._stops import Stop
     from closedchain.analysis.acceleration import Acceleration, acceleration
     from closedchain.analysis.accelerators import Accelerators, accelerators
-    from closedchain.analysis.dependence import Dependence, dependence
+    from closedchain.analysis.circuits.legs import LegVelocity, leg_velocity
+    from closedchain.analysis.circuits.network import Network, network
     from closedchain.analysis.follow import Comparison, ComparisonRow, Follow, compare, follow
     from closedchain.analysis.follow.task_path import TaskPath, read_task_path, task_path
     from closedchain.analysis.hessian import Hessian, hessian
-    from closedchain.analysis.legs import LegVelocity, leg_velocity
-    from closedchain.analysis.loops import LoopGraph, loops
     from closedchain.analysis.maps import singularity_map
     from closedchain.analysis.mobility import Mobility, mobility
-    from closedchain.analysis.network import Network, network
-    from closedchain.analysis.open_chains import Structure
-    from closedchain.analysis.poc import Poc, poc
     from closedchain.analysis.redundancy import Redundancy, Split, redundancy
-    from closedchain.analysis.self_motion import SelfMotion, self_motion
+    from closedchain.analysis.self_motion.motion import SelfMotion, self_motion
     from closedchain.analysis.sets import singularity_set
     from closedchain.analysis.singular_set import SingularitySet
     from closedchain.analysis.singularities import Classification, classify
-    from closedchain.analysis.structure import structure
+    from closedchain.analysis.structure.dependence import Dependence, dependence
+    from closedchain.analysis.structure.loops import LoopGraph, loops
+    from closedchain.analysis.structure.open_chains import Structure
+    from closedchain.analysis.structure.poc import Poc, poc
+    from closedchain.analysis.structure.topology import structure
     from closedchain.analysis.symbolic import SymbolicSingularities, symbolic_singularities
-    from closedchain.analysis.track import Track, track
+    from closedchain.analysis.track.stops import Stop
+    from closedchain.analysis.track.tracking import Track, track
     from closedchain.analysis.velocity import Velocity, velocity
 
 __version__ = "0.1.0"
 
 # What is asked of a mechanism is imported when it is first asked, so that loading stays quick.
 _ANALYSIS = {
-    "_stops": "Stop",
+    "track.stops": "Stop",
     "acceleration": "Acceleration acceleration",
     "accelerators": "Accelerators accelerators",
-    "dependence": "Dependence dependence",
+    "structure.dependence": "Dependence dependence",
     "follow": "Comparison ComparisonRow Follow compare follow",
     "follow.task_path": "TaskPath read_task_path task_path",
     "hessian": "Hessian hessian",
-    "legs": "LegVelocity leg_velocity",
-    "loops": "LoopGraph loops",
+    "circuits.legs": "LegVelocity leg_velocity",
+    "structure.loops": "LoopGraph loops",
     "maps": "singularity_map",
     "mobility": "Mobility mobility",
-    "network": "Network network",
-    "open_chains": "Structure",
-    "poc": "Poc poc",
+    "circuits.network": "Network network",
+    "structure.open_chains": "Structure",
+    "structure.poc": "Poc poc",
     "redundancy": "Redundancy Split redundancy",
-    "self_motion": "SelfMotion self_motion",
+    "self_motion.motion": "SelfMotion self_motion",
     "sets": "singularity_set",
     "singular_set": "SingularitySet",
     "singularities": "Classification classify",
-    "structure": "structure",
+    "structure.topology": "structure",
     "symbolic": "SymbolicSingularities symbolic_singularities",
-    "track": "Track track",
+    "track.tracking": "Track track",
     "velocity": "Velocity velocity",
 }
 _MODULES = {name: module for module, names in _ANALYSIS.items() for name in names.split()}

@@ -30,7 +30,7 @@ def check_points(
     for q, c, kinds, free, lost in zip(
         found.q, found.coordinates, found.kinds, found.free_twists, found.lost_twists, strict=True
     ):
-        assert np.abs(cc.residual(m, q)).max() < RESIDUAL
+        assert np.abs(cc.residual(m, q)).max(initial=0.0) < RESIDUAL
         again = cc.classify(m, q, names)
         assert again.kinds == kinds >= wanted(found.kind)
         assert free.shape[1] > 0 or "direct" not in kinds

@@ -14,7 +14,6 @@ from conftest import Tolerances, assert_close
 from linkages import Cut, J
 
 import closedchain as cc
-from closedchain.analysis._graph import reverse
 from closedchain.analysis.accelerators import (
     Accelerators,
     accelerators,
@@ -26,9 +25,10 @@ from closedchain.analysis.accelerators import (
     to_classical,
     to_spatial,
 )
-from closedchain.analysis.loops import loops
-from closedchain.analysis.postures import wander
 from closedchain.analysis.screws import from_motion, lie, revolute
+from closedchain.analysis.structure.graph import reverse
+from closedchain.analysis.structure.loops import loops
+from closedchain.analysis.structure.postures import wander
 from closedchain.robots.d1 import Pose, geometry, limb_rates, limb_screws, motion
 
 EQUAL = 1e-9  # two exact ways to the same number, relative to the largest acceleration

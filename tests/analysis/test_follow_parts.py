@@ -273,3 +273,18 @@ def test_range_without_limits_says_what_to_give() -> None:
             objective="range",
             limits=dict.fromkeys(m.inputs, (-np.inf, 1.0)),
         )
+
+
+def test_a_comparison_reports_every_run() -> None:
+    seen: dict[str, int] = {}
+    cc.compare(
+        *(d1_robot(), d1_task("hexagon", 2)),
+        outputs=AXIS_TASK,
+        methods=("gradient",),
+        progress=lambda what, done, total: seen.update({what: done}),
+    )
+    assert {name: seen.get(f"{name}: follow") for name in ("q1 locked", "gradient")} == {
+        "q1 locked": 21,
+        "gradient": 21,
+    }
+    assert not any(name.startswith("q4") for name in seen)  # not begun

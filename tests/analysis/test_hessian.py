@@ -11,10 +11,10 @@ from conftest import assert_close
 
 import closedchain as cc
 from closedchain.analysis.accelerators import accelerators
-from closedchain.analysis.circuits import Circuits, circuits
+from closedchain.analysis.circuits.chains import Circuits, circuits
 from closedchain.analysis.hessian import hessian, limb_hessian
-from closedchain.analysis.postures import wander
 from closedchain.analysis.screws import lie, shifted
+from closedchain.analysis.structure.postures import wander
 from closedchain.robots import linear_delta as ld
 
 EQUAL = 1e-9  # two exact ways to the same number, relative

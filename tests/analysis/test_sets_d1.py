@@ -177,7 +177,8 @@ def test_surfaces(d1: cc.Mechanism, kind: str, which: list[int]) -> None:
     assert found.dimension == 2
     assert found.verdict == "surface"
     assert found.dropped <= 0.02 * len(found.q)
-    (triangles,) = found.pieces
+    assert found.missed == 0
+    triangles = np.concatenate(found.pieces)
     assert len(triangles) > 80
     edges = np.sort(np.concatenate([triangles[:, i] for i in ([0, 1], [1, 2], [2, 0])]))
     _, shared = np.unique(edges, axis=0, return_counts=True)

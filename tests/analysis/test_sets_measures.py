@@ -7,7 +7,8 @@ import pinocchio as pin
 import pytest
 
 import closedchain as cc
-from closedchain.analysis.bordered import Measure, corner, kinematics
+from closedchain.analysis.bordered import Measure, corner
+from closedchain.analysis.postures_at import kinematics
 from closedchain.analysis.singularities import row_combination
 from closedchain.analysis.slices import Slice
 from closedchain.closure.charting import chart_of

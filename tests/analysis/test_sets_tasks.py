@@ -190,6 +190,26 @@ def test_surfaces_of_rpa3t(
 
 
 @pytest.mark.slow
+def test_parallel_rods_of_rpa3t(parallel: cc.Mechanism) -> None:
+    """M = 0 on the branch of home: a simple zero, which the determinant crosses."""
+    over = {
+        "x": np.linspace(0.80, 0.88, 6),
+        "y": np.linspace(-0.045, -0.012, 4),
+        "z": np.linspace(-0.37, -0.34, 3),
+    }
+    found = cc.singularity_set(parallel, "direct", over)
+    check_points(parallel, found, over)
+    assert found.verdict == "surface"
+    assert found.missed == 0
+    assert len(found.q) > 10
+    for q in found.q[found.on_branch]:
+        f = factors(parallel, q)
+        assert abs(f["M"]) < 1e-9 < min(abs(f["kappa"]), abs(f["sin_beta"]))
+    theta = np.array([parallel.input_values(q) for q in found.q])
+    assert np.abs(rpa3t.parallel_rods(theta, rpa3t.Geometry())).max() < 1e-12
+
+
+@pytest.mark.slow
 def test_constraint_curve_of_rpa3t(parallel: cc.Mechanism) -> None:
     """Level rods: the closures themselves lose rank, and with them all that holds them."""
     over = {"x": np.linspace(0.72, 0.9, 7), "z": np.linspace(-0.36, -0.3, 6)}
@@ -226,6 +246,25 @@ def test_sets_of_the_linear_delta() -> None:
         drops.append(np.abs(ld.inverse_factors(bhat)))
     assert np.min(drops, axis=1).max() < 1e-9
     assert set(np.argmin(drops, axis=1)) == {0, 1, 2}
+
+
+@pytest.mark.parametrize("mode", ["+-+", "-+-"])
+def test_direct_curve_of_the_linear_delta_in_a_mixed_mode(mode: str) -> None:
+    """Rods on both sides become coplanar; the sheet's opposed rods are one point of the curve."""
+    m, g = cc.load("linear_delta"), ld.Geometry()
+    over = {"x": np.linspace(-0.2, 0.21, 12), "y": np.linspace(-0.2, 0.22, 12)}
+    found = cc.singularity_set(m, "direct", over, mode=mode)
+    check_points(m, found, over)
+    assert found.verdict == "curve"
+    assert found.missed == 0
+    assert found.on_branch.all()
+    for q in found.q:
+        bhat = ld.rods(m.point(q, "P"), m.input_values(q), g)
+        assert abs(ld.direct_factor(bhat)) < 1e-10
+        assert np.abs(ld.inverse_factors(bhat)).min() > 1e-3
+    opposed = ld.opposed_rods(g, 0, 1)
+    root = at_value(m, found, "x", float(opposed[0]), opposed[:2])
+    assert root == pytest.approx(opposed[:2], abs=1e-9)
 
 
 # -- rus6 ------------------------------------------------------------------------------------------

@@ -10,11 +10,11 @@ import pytest
 from conftest import assert_close
 
 import closedchain as cc
-from closedchain.analysis import ordering
-from closedchain.analysis._graph import short_cycles, simple_cycles
-from closedchain.analysis.loops import loops
-from closedchain.analysis.pair_screws import pair_screws
-from closedchain.analysis.postures import wander
+from closedchain.analysis.structure import ordering
+from closedchain.analysis.structure.graph import short_cycles, simple_cycles
+from closedchain.analysis.structure.loops import loops
+from closedchain.analysis.structure.pair_screws import pair_screws
+from closedchain.analysis.structure.postures import wander
 
 # name: mechanism, pairs, loops, ranks, mobility, coupling degree
 KNOWN: dict[str, tuple[Callable[[], cc.Mechanism], int, int, tuple[int, ...], int, int | None]] = {

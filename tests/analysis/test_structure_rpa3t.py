@@ -7,9 +7,9 @@ import pytest
 from conftest import assert_close
 
 import closedchain as cc
-from closedchain.analysis.loops import LoopGraph
-from closedchain.analysis.pair_screws import PairScrews, pair_screws
-from closedchain.analysis.postures import wander
+from closedchain.analysis.structure.loops import LoopGraph
+from closedchain.analysis.structure.pair_screws import PairScrews, pair_screws
+from closedchain.analysis.structure.postures import wander
 
 
 @pytest.fixture(scope="module")

@@ -16,6 +16,7 @@ from typer.testing import CliRunner, Result
 
 import closedchain as cc
 from closedchain.cli import app
+from closedchain.robots.named_tasks import named_tasks
 
 HEADER = "t,x,y,z"
 DOWN = [(0.0, -1.0), (0.5, -1.01), (1.0, -1.02)]  # time, height of D1's tip
@@ -52,6 +53,9 @@ def motion(page: Path) -> Any:
         r'<script type="application/json" id="motion">(.*?)</script>', page.read_text(), re.S
     )
     return None if found is None else json.loads(found[1])
+
+
+DOCS = Path(__file__).resolve().parents[2] / "docs" / "follow.md"
 
 
 @pytest.fixture
@@ -94,6 +98,14 @@ def test_a_tool_axis_in_the_file(tmp_path: Path, dip: Path, d1: cc.Mechanism) ->
         assert saved.attrs["outputs"] == "x y z rx rz"
         for q in saved["q"].to_numpy():
             assert_close(d1.pose(q).rotation[:, 1], axis, 1e-12)
+
+
+def test_the_file_of_the_docs(tmp_path: Path) -> None:
+    (text,) = re.findall(r"^```csv\n(.*?)^```", DOCS.read_text(), re.M | re.S)
+    (tmp_path / "task.csv").write_text(text)
+    found = data(good("d1", "--task", str(tmp_path / "task.csv"), "--out", str(tmp_path), "--json"))
+    assert found["reached"] == len(text.splitlines()) - 1
+    assert found["task_error"] < 1e-12
 
 
 def test_json_says_everything(tmp_path: Path, dip: Path) -> None:
@@ -312,3 +324,26 @@ def test_a_folder_that_is_a_file(tmp_path: Path, dip: Path) -> None:
 @pytest.mark.parametrize("words", [["d1"], ["d1", "--task", "drill"], ["d1", "--out", "x"]])
 def test_task_and_folder_are_required(words: list[str]) -> None:
     assert run(*words).exit_code == 2
+
+
+def test_help_names_every_task() -> None:
+    text = " ".join(CliRunner().invoke(app, ["follow", "--help"]).stdout.split())
+    listed = (
+        f"{name}: {', '.join(named_tasks(name))}" for name in cc.robots() if named_tasks(name)
+    )
+    assert f"({'; '.join(listed)})" in text
+
+
+def test_a_robot_without_redundancy_or_without_task(tmp_path: Path) -> None:
+    file = tmp_path / "line.csv"
+    m = cc.load("linear_delta")
+    x, y, z = m.pose(m.home).translation
+    file.write_text(f"{HEADER}\n0,{x},{y},{z}\n1,{x},{y},{z - 0.02}\n")
+    common = ("--task", str(file), "--out", str(tmp_path))
+    assert "leave no freedom for the objective" in good("linear_delta", *common)
+    bare = tmp_path / "bare.urdf"
+    text = m.description.text
+    bare.write_text(re.sub(r"<task\b.*?(/>|</task>)", "", text, flags=re.S))
+    done = run(str(bare), *common)
+    assert done.exit_code == 1
+    assert "no task" in done.stderr

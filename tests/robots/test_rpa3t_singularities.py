@@ -14,9 +14,7 @@ from conftest import assert_close
 from rpa3t_postures import WIDE, G, Posture, configuration, sample
 
 import closedchain as cc
-from closedchain.analysis.curves import curves_of
-from closedchain.analysis.maps import evaluate
-from closedchain.analysis.walk import OK, UNREACHABLE, Walk, grid_of, walk
+from closedchain.analysis.grid import OK, UNREACHABLE
 from closedchain.robots import rpa3t
 
 MM = np.array([1e-3, 1e-3, 1.0])
@@ -196,25 +194,25 @@ def _angular_velocity(m: cc.Mechanism, q: np.ndarray, link: str) -> np.ndarray:
 # --- maps with redundant rows -----------------------------------------------------------------
 
 OVER = {"theta1": np.linspace(-0.45, -0.25, 21), "theta3": np.linspace(-0.2, 0.4, 21)}
-TASK = ("x", "y", "z")
 
 
 @pytest.fixture(scope="module")
-def walked(m: cc.Mechanism) -> Walk:
-    return walk(m, grid_of(m, OVER))
+def cells(m: cc.Mechanism) -> dict[str, np.ndarray]:
+    found = cc.singularity_map(m, OVER, progress=False, keep_q=True)
+    return {str(name): array.to_numpy() for name, array in found.data_vars.items()}
 
 
 @pytest.mark.slow
-def test_map_keeps_to_the_branch_of_home(m: cc.Mechanism, walked: Walk) -> None:
+def test_map_keeps_to_the_branch_of_home(m: cc.Mechanism, cells: dict[str, np.ndarray]) -> None:
     one, three = np.meshgrid(*OVER.values(), indexing="ij")
     theta = np.stack([one, np.full_like(one, m.input_values(m.home)[1]), three], axis=-1)
     exact = rpa3t.direct(theta, G)
-    ok = walked.status == OK
+    ok = cells["status"] == OK
     assert (ok == exact.real[..., 1]).all()  # y < 0, M > 0
     assert ok.sum() > 100
-    for q, position in zip(walked.q[ok], exact.position[ok, 1], strict=True):
+    for q, position in zip(cells["q"][ok], exact.position[ok, 1], strict=True):
         assert_close(m.point(q, "P"), position, 1e-10)
-    determinant = evaluate(walked, m, TASK)["det_inverse"][ok]
+    determinant = cells["det_inverse"][ok]
     f = rpa3t.factors(exact.q[..., 1, :], theta, G)
     signs = np.sign(determinant * (f.cos_beta * f.s1 * f.s2 * f.s3)[ok])
     assert abs(signs.sum()) == signs.size
@@ -226,12 +224,11 @@ def test_map_keeps_to_the_branch_of_home(m: cc.Mechanism, walked: Walk) -> None:
 )
 def test_singular_curves_are_those_of_the_factors(
     m: cc.Mechanism,
-    walked: Walk,
     kind: str,
     vanishes: Callable[[float], float],
     pieces: int,
 ) -> None:
-    found = curves_of(m, kind, walked, evaluate(walked, m, TASK), TASK)
+    found = cc.singularity_set(m, kind, OVER, check=False).of_branch()
     assert found.dropped == 0
     assert len(found.pieces) == pieces
     assert len(found.q) > 30
@@ -240,6 +237,6 @@ def test_singular_curves_are_those_of_the_factors(
 
 
 @pytest.mark.slow
-def test_mirrored_joints_are_no_other_branch(m: cc.Mechanism, walked: Walk) -> None:
+def test_mirrored_joints_are_no_other_branch(cells: dict[str, np.ndarray]) -> None:
     """Beyond the branch of home the loops close only with R33 turned over, which is no posture."""
-    assert set(np.unique(walked.status)) == {OK, UNREACHABLE}
+    assert set(np.unique(cells["status"])) == {OK, UNREACHABLE}

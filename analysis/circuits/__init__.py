@@ -1,0 +1,1 @@
+"""Davies' circuits, and the legs that reciprocal screws read off them."""

@@ -1,0 +1,1 @@
+"""Self-motion: the curve of closed postures with the task held."""

@@ -1,0 +1,1 @@
+"""Topological structure: loops, open chains in order, position and orientation characteristics."""

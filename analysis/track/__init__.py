@@ -1,0 +1,1 @@
+"""Following a path of inputs or tip poses, with velocities and accelerations."""
