@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from closedchain.analysis.follow.following import METHODS, Method, follow
 from closedchain.analysis.follow.result import Follow
 from closedchain.analysis.follow.task_path import Poses
-from closedchain.analysis.grid import Progress
+from closedchain.analysis.maps.grid import Progress
 from closedchain.analysis.progress import reporting
 from closedchain.analysis.redundancy import redundancy
 from closedchain.closure.mechanism import Mechanism

@@ -15,7 +15,7 @@ from closedchain.analysis.follow.result import Follow, collected
 from closedchain.analysis.follow.stepping import run
 from closedchain.analysis.follow.task_path import Poses, as_route
 from closedchain.analysis.follow.whole_path import optimise
-from closedchain.analysis.grid import Progress
+from closedchain.analysis.maps.grid import Progress
 from closedchain.analysis.progress import reporting
 from closedchain.closure.constraints import gaps
 from closedchain.closure.equations import Equations, correct

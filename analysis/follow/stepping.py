@@ -19,7 +19,7 @@ from closedchain.analysis.follow.bounding import Excess, excess, within
 from closedchain.analysis.follow.objectives import InputSpeed, Objective, joint_rows
 from closedchain.analysis.follow.postures import Posture, posture
 from closedchain.analysis.follow.problem import Problem
-from closedchain.analysis.grid import Progress
+from closedchain.analysis.maps.grid import Progress
 from closedchain.analysis.singularities import SINGULAR
 from closedchain.closure.continuation import follow as continued
 from closedchain.closure.equations import RESIDUAL_TOLERANCE, Corrected, Equations, correct

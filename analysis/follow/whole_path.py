@@ -20,7 +20,7 @@ from closedchain.analysis.follow.postures import Posture
 from closedchain.analysis.follow.problem import Problem
 from closedchain.analysis.follow.programme import BEND, MEAN, PENALTY, programme
 from closedchain.analysis.follow.stepping import Blocked, Run, corrected, over_text, run
-from closedchain.analysis.grid import Progress
+from closedchain.analysis.maps.grid import Progress
 
 _RADIUS, _LARGEST_RADIUS, _SMALLEST_RADIUS = 0.1, 0.4, 1e-3
 _EXTENSIONS = 10

@@ -10,7 +10,7 @@ import numpy as np
 
 from closedchain.analysis.self_motion.folds import direct_singularities
 from closedchain.analysis.self_motion.held_task import HeldTask
-from closedchain.analysis.tracing import Path, settle
+from closedchain.analysis.tracing.path import Path, settle
 from closedchain.urdf.errors import ClosureError
 
 CLOSED, DEGENERATE, DIRECT = "closed", "degenerate", "direct singularity"

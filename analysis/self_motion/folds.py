@@ -15,7 +15,7 @@ from closedchain.analysis.first_order import first_order
 from closedchain.analysis.mobility import generic_rank
 from closedchain.analysis.self_motion.held_task import HeldTask
 from closedchain.analysis.singularities import SINGULAR
-from closedchain.analysis.tracing import settle
+from closedchain.analysis.tracing.path import settle
 from closedchain.closure.mechanism import Mechanism
 
 FINER = 17  # postures looked at where a singular value dips; odd, so that one is the middle

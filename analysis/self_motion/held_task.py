@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 import pinocchio as pin
 
-from closedchain.analysis.tracing import Bound
+from closedchain.analysis.tracing.path import Bound
 from closedchain.closure.equations import Equations
 from closedchain.closure.mechanism import Mechanism
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from closedchain.analysis.first_order import first_order
-from closedchain.analysis.measures import measures_at
+from closedchain.analysis.maps.measures import measures_at
 from closedchain.analysis.mobility import generic_rank
 from closedchain.analysis.self_motion.curve import (
     CLOSED,
@@ -28,7 +28,7 @@ from closedchain.analysis.self_motion.curve import (
 from closedchain.analysis.self_motion.held_task import HeldTask
 from closedchain.analysis.self_motion.result import End, SelfMotion
 from closedchain.analysis.singularities import classify
-from closedchain.analysis.tracing import Path, settle, trace
+from closedchain.analysis.tracing.path import Path, settle, trace
 from closedchain.closure.chart import joint_index, joint_names
 from closedchain.closure.equations import Equations
 from closedchain.closure.mechanism import Mechanism

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from closedchain.analysis.measures import LONG_NAMES
+from closedchain.analysis.maps.measures import LONG_NAMES
 from closedchain.closure.mechanism import Mechanism
 
 if TYPE_CHECKING:

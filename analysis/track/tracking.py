@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from closedchain.analysis.grid import Progress
+from closedchain.analysis.maps.grid import Progress
 from closedchain.analysis.progress import reporting
 from closedchain.analysis.track.davies_steps import integrate
 from closedchain.analysis.track.demands import Demand, InputDemand, TipDemand

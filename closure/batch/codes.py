@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-# status of a cell, as in ``analysis.walk``
+# status of a cell of a map
 UNSEEN = -1
 OK, UNREACHABLE, OTHER_BRANCH, JOINT_LIMIT = range(4)
 

@@ -25,7 +25,7 @@ from closedchain.closure.batch.rows import beyond, mirrored
 from closedchain.closure.batch.tables import Tables, Tip
 
 SMALLEST_ALONE = 1e-6  # share of the way, as closure.continuation.SMALLEST_STEP
-SMALLEST_CELL = 1e-4  # share of a cell, as in analysis.walk
+SMALLEST_CELL = 1e-4  # share of a cell, as the maps have it
 NEARS = 0.05  # of a neighbour's closeness to singularity: a path that ends below it met a fold
 
 

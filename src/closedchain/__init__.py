@@ -28,12 +28,12 @@ if TYPE_CHECKING:
     from closedchain.analysis.follow import Comparison, ComparisonRow, Follow, compare, follow
     from closedchain.analysis.follow.task_path import TaskPath, read_task_path, task_path
     from closedchain.analysis.hessian import Hessian, hessian
-    from closedchain.analysis.maps import singularity_map
+    from closedchain.analysis.maps.mapping import singularity_map
     from closedchain.analysis.mobility import Mobility, mobility
     from closedchain.analysis.redundancy import Redundancy, Split, redundancy
     from closedchain.analysis.self_motion.motion import SelfMotion, self_motion
-    from closedchain.analysis.sets import singularity_set
-    from closedchain.analysis.singular_set import SingularitySet
+    from closedchain.analysis.sets.finding import singularity_set
+    from closedchain.analysis.sets.singular_set import SingularitySet
     from closedchain.analysis.singularities import Classification, classify
     from closedchain.analysis.structure.dependence import Dependence, dependence
     from closedchain.analysis.structure.loops import LoopGraph, loops
@@ -58,15 +58,15 @@ _ANALYSIS = {
     "hessian": "Hessian hessian",
     "circuits.legs": "LegVelocity leg_velocity",
     "structure.loops": "LoopGraph loops",
-    "maps": "singularity_map",
+    "maps.mapping": "singularity_map",
     "mobility": "Mobility mobility",
     "circuits.network": "Network network",
     "structure.open_chains": "Structure",
     "structure.poc": "Poc poc",
     "redundancy": "Redundancy Split redundancy",
     "self_motion.motion": "SelfMotion self_motion",
-    "sets": "singularity_set",
-    "singular_set": "SingularitySet",
+    "sets.finding": "singularity_set",
+    "sets.singular_set": "SingularitySet",
     "singularities": "Classification classify",
     "structure.topology": "structure",
     "symbolic": "SymbolicSingularities symbolic_singularities",

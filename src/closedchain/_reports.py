@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from closedchain.analysis.singularities import Classification
-    from closedchain.analysis.survey import Survey
+    from closedchain.analysis.survey.surveying import Survey
     from closedchain.closure import Mechanism, Solution
 
 

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from closedchain._arguments import Up
-from closedchain.analysis.set_tables import polylines
+from closedchain.analysis.survey.set_tables import polylines
 from closedchain.robots.viewer import Markers, Overlay, Polyline, Surface, boxed, static_page
 
 if TYPE_CHECKING:
-    from closedchain.analysis.singular_set import SingularitySet
-    from closedchain.analysis.survey import Slice, Survey
+    from closedchain.analysis.sets.singular_set import SingularitySet
+    from closedchain.analysis.survey.surveying import Slice, Survey
     from closedchain.closure import Mechanism
 
 MOST_POSTURES = 20_000

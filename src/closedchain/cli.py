@@ -252,8 +252,8 @@ def singularities(
     """
     from closedchain._survey_page import survey_page
     from closedchain.analysis.progress import reporting
-    from closedchain.analysis.results_folder import write_survey
-    from closedchain.analysis.survey import survey
+    from closedchain.analysis.survey.results_folder import write_survey
+    from closedchain.analysis.survey.surveying import survey
 
     kinds = arguments.kinds(kind or ())
     mechanism = _load(robot, settings, variant, no_xacro)
@@ -309,8 +309,8 @@ def plot(
     ] = None,
 ) -> None:
     """Draw the results of a folder again, from its files alone."""
-    from closedchain.analysis.figures import draw_survey
-    from closedchain.analysis.results_folder import read_results
+    from closedchain.analysis.figures.drawing import draw_survey
+    from closedchain.analysis.survey.results_folder import read_results
 
     image = arguments.image_file(folder, out, image_format)
     draw_survey(read_results(folder), image, measures=measure or None, dpi=dpi)

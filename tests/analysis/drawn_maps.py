@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from closedchain.analysis.set_tables import SavedSet
+from closedchain.analysis.survey.set_tables import SavedSet
 
 STATUSES = ("ok", "unreachable", "other branch", "joint limit", "not converged")
 

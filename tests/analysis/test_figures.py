@@ -14,10 +14,10 @@ from matplotlib.collections import LineCollection
 from matplotlib.colors import to_hex
 
 import closedchain as cc
-from closedchain.analysis._palette import BLANKS, COLOURS
-from closedchain.analysis._space import cut
-from closedchain.analysis.figures import draw_map
-from closedchain.analysis.set_tables import polylines
+from closedchain.analysis.figures.drawing import draw_map
+from closedchain.analysis.figures.palette import BLANKS, COLOURS
+from closedchain.analysis.figures.space import cut
+from closedchain.analysis.survey.set_tables import polylines
 
 GRID = np.linspace(-1.0, 1.0, 9)
 

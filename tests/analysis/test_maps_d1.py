@@ -11,9 +11,9 @@ import xarray as xr
 from conftest import Tolerances
 
 import closedchain as cc
-from closedchain.analysis.grid import STATUSES
-from closedchain.analysis.results_folder import write_survey
-from closedchain.analysis.survey import Survey, survey
+from closedchain.analysis.maps.grid import STATUSES
+from closedchain.analysis.survey.results_folder import write_survey
+from closedchain.analysis.survey.surveying import Survey, survey
 from closedchain.robots.d1 import forward, geometry
 
 RESOLUTION = 25

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import closedchain as cc
-from closedchain.analysis import storage
+from closedchain.analysis.maps import storage
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ import xarray as xr
 from drawn_maps import made_set, sphere
 
 import closedchain as cc
-from closedchain.analysis.set_tables import SavedSet, read_table, table
+from closedchain.analysis.survey.set_tables import SavedSet, read_table, table
 
 SETS = {
     "curves": made_set(

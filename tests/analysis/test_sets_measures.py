@@ -7,10 +7,10 @@ import pinocchio as pin
 import pytest
 
 import closedchain as cc
-from closedchain.analysis.bordered import Measure, corner
-from closedchain.analysis.postures_at import kinematics
+from closedchain.analysis.sets.bordered import Measure, corner
+from closedchain.analysis.sets.postures_at import kinematics
+from closedchain.analysis.sets.slices import Slice
 from closedchain.analysis.singularities import row_combination
-from closedchain.analysis.slices import Slice
 from closedchain.closure.charting import chart_of
 
 ROBOTS = ("d1", "eclipse", "eclipse2", "rpa3t", "linear_delta", "rus6")

@@ -10,10 +10,10 @@ import pytest
 import xarray as xr
 
 import closedchain as cc
-from closedchain.analysis.figures import draw_survey
-from closedchain.analysis.results_folder import read_results, write_survey
-from closedchain.analysis.survey import Survey, survey
-from closedchain.analysis.survey_plan import Wanted, axes_of_slice, default_slices
+from closedchain.analysis.figures.drawing import draw_survey
+from closedchain.analysis.survey.plan import Wanted, axes_of_slice, default_slices
+from closedchain.analysis.survey.results_folder import read_results, write_survey
+from closedchain.analysis.survey.surveying import Survey, survey
 
 CURVES = ("direct", "inverse", "combined")
 

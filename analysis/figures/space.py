@@ -1,0 +1,123 @@
+"""Figures of maps over three coordinates: surfaces in space, and planes through the start."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from closedchain.analysis.figures.palette import COLOURS, axis_label, start_of
+from closedchain.analysis.figures.panels import mark_start
+from closedchain.analysis.survey.set_tables import DrawableSet, polylines
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+MOST_TRIANGLES = 20_000
+"""Triangles of one set drawn in space; of larger meshes evenly chosen ones."""
+
+
+@dataclass(frozen=True, eq=False)
+class PlaneCut:
+    """What a plane leaves of a set: line segments, drawn like the set's curves.
+
+    The attributes are those of ``DrawableSet``.
+    """
+
+    kind: str
+    over: tuple[str, ...]
+    coordinates: np.ndarray
+    pieces: tuple[np.ndarray, ...]
+    ends: tuple[tuple[str, str], ...]
+    on_branch: np.ndarray
+    everywhere: bool
+    note: str = ""
+
+
+def draw_space(ax: Any, data: xr.Dataset, sets: Sequence[DrawableSet]) -> None:
+    """Draw meshes, curves and points of sets in three-dimensional axes."""
+    from mpl_toolkits.mplot3d.art3d import Poly3DCollection  # type: ignore[import-untyped]
+
+    names = [str(d) for d in data["status"].dims]
+    for found in sets:
+        columns = [found.over.index(n) for n in names]
+        points, colour = found.coordinates[:, columns], COLOURS[found.kind]
+        for piece in found.pieces:
+            if piece.ndim != 2 or not len(piece):
+                continue
+            step = -(-len(piece) // MOST_TRIANGLES)
+            ax.add_collection3d(
+                Poly3DCollection(
+                    points[piece[::step]], facecolors=colour, alpha=0.45, shade=True,
+                    edgecolor="none", linewidth=0.0,
+                )
+            )  # fmt: skip
+        for line, _ in polylines(found):
+            style: dict[str, Any] = {"marker": "o", "ms": 4} if len(line) == 1 else {"lw": 2.0}
+            ax.plot(*points[line].T, color=colour, **style)
+    start = start_of(data)
+    if start is not None:
+        mark_start(ax, *start[1])
+    for axis, name in zip("xyz", names, strict=True):
+        values = data[name].to_numpy()
+        getattr(ax, f"set_{axis}lim")(values[0], values[-1])
+        getattr(ax, f"set_{axis}label")(axis_label(data, name))
+    ax.tick_params(labelsize=7)
+
+
+def planes(
+    data: xr.Dataset, sets: Sequence[DrawableSet]
+) -> list[tuple[str, xr.Dataset, list[DrawableSet]]]:
+    """Three planes of a map, through its start or else its middle: title, map and cut sets."""
+    names = [str(d) for d in data["status"].dims]
+    start = start_of(data)
+    found: list[tuple[str, xr.Dataset, list[DrawableSet]]] = []
+    for held in reversed(range(3)):
+        axis = data[names[held]].to_numpy()
+        middle = 0.5 * (axis[0] + axis[-1]) if start is None else start[1][held]
+        index = int(np.abs(axis - middle).argmin())
+        value = float(axis[index])
+        rest = tuple(n for i, n in enumerate(names) if i != held)
+        unit = data[names[held]].attrs.get("units", "")
+        title = f"{names[held]} = {value + 0.0:.4g} {unit}".rstrip()
+        flat = data.isel({names[held]: index})
+        found.append((title, flat, [cut(s, names[held], value, rest) for s in sets]))
+    return found
+
+
+def cut(found: DrawableSet, name: str, value: float, rest: tuple[str, ...]) -> PlaneCut:
+    """Intersection of the meshes of a set with the plane ``name = value``."""
+    k = found.over.index(name)
+    columns = [found.over.index(n) for n in rest]
+    segments = [np.zeros((0, 2, 2))]
+    for piece in found.pieces:
+        if piece.ndim == 2 and len(piece):
+            corners = found.coordinates[piece]
+            segments.append(_crossings(corners[..., k] - value, corners[..., columns]))
+    lines = np.concatenate(segments)
+    n = 2 * len(lines)
+    return PlaneCut(
+        kind=found.kind,
+        over=rest,
+        coordinates=lines.reshape(n, 2),
+        pieces=tuple(np.arange(n).reshape(-1, 2)),
+        ends=(),
+        on_branch=np.ones(n, dtype=bool),
+        everywhere=found.everywhere,
+    )
+
+
+def _crossings(height: np.ndarray, corners: np.ndarray) -> np.ndarray:
+    """Segments (s, 2, 2) where triangles of heights (t, 3) and corners (t, 3, 2) cross zero."""
+    above = height >= 0.0
+    crossed = above.any(axis=1) & ~above.all(axis=1)
+    height, corners, above = height[crossed], corners[crossed], above[crossed]
+    # the corner that is alone on its side of the plane comes first
+    alone = np.where(above.sum(axis=1) == 1, above.argmax(axis=1), (~above).argmax(axis=1))
+    order = (alone[:, None] + np.arange(3)) % 3
+    rows = np.arange(len(order))[:, None]
+    height, corners = height[rows, order], corners[rows, order]
+    share = height[:, :1] / (height[:, :1] - height[:, 1:])
+    return corners[:, :1] + share[..., None] * (corners[:, 1:] - corners[:, :1])

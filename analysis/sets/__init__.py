@@ -1,0 +1,1 @@
+"""Singular sets: points, curves and surfaces where a kind of singularity holds."""

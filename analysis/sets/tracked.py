@@ -1,0 +1,259 @@
+"""Curves of a slice traced from seeds, each one once, with the curves that branch off."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from closedchain.analysis.sets.bordered import Measure
+from closedchain.analysis.sets.edges import Edges, on_edges
+from closedchain.analysis.sets.lattice import Lattice
+from closedchain.analysis.sets.membership import reached
+from closedchain.analysis.sets.postures_at import kinematics
+from closedchain.analysis.sets.seeds import Seed, seed_on
+from closedchain.analysis.sets.slices import Slice
+from closedchain.analysis.singularities import SINGULAR
+from closedchain.analysis.tracing.branching import leaving
+from closedchain.analysis.tracing.path import Bound, Path, settle, tangents, trace
+
+POSTURE_STEP = 0.2  # dimensionless: largest change of an unknown of the posture in a step
+CELL_STEP = 0.5  # cells: largest change of a coordinate in a step
+NEAR = 0.1  # of a chord: a point nearer to it than this lies on the curve
+MOST_CURVES = 200
+SAME = 1e-3  # dimensionless: branch points nearer to each other than this are one
+
+EDGE = "edge of the range"
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """Points (n, nq + k) of a curve, how it begins and ends, indices of its branch points."""
+
+    points: np.ndarray
+    ends: tuple[str, str]
+    crossings: tuple[int, ...]
+
+
+@dataclass(eq=False)
+class Tracker:
+    """Traces the curves of a system over a lattice, and knows those that it has.
+
+    Attributes
+    ----------
+    curves : list of Curve
+    points : list of arrays
+        Solutions that lie on no curve: isolated ones.
+    flat : list of arrays
+        Solutions at which the equations are degenerate.
+    crossings : list of arrays
+        Branch points.
+    degenerate : int
+        Dimension of the set where it is larger than that of a curve; else 0.
+    dropped : int
+        Bracketed seeds near which no solution was found.
+    constraint : Tracker or None
+        Curves on which the closures themselves lose rank, if any were met.
+    """
+
+    system: Slice
+    lattice: Lattice
+    curves: list[Curve] = field(default_factory=list)
+    points: list[np.ndarray] = field(default_factory=list)
+    flat: list[np.ndarray] = field(default_factory=list)
+    crossings: list[np.ndarray] = field(default_factory=list)
+    degenerate: int = 0
+    dropped: int = 0
+    constraint: Tracker | None = None
+
+    def __post_init__(self) -> None:
+        """Lay out bounds and step lengths."""
+        chart, model = self.system.chart, self.system.mechanism.model
+        self.bounds = [
+            Bound(model.nq + i, model.nv + i, s, float(v[0]), float(v[-1]), EDGE)
+            for i, (s, v) in enumerate(zip(chart.scale, self.lattice.values, strict=True))
+        ]
+        lower, upper = self.system.mechanism.limits
+        self.bounds += [
+            Bound(
+                joint.idx_q,
+                joint.idx_v,
+                float(self.system.mechanism.column_scale[joint.idx_v]),
+                float(lower[joint.idx_q]),
+                float(upper[joint.idx_q]),
+                f"limit of joint {model.names[joint.id]}",
+            )
+            for joint in list(model.joints)[1:]
+            if joint.nq == 1 and np.isfinite([lower[joint.idx_q], upper[joint.idx_q]]).any()
+        ]
+        steps = CELL_STEP * self.lattice.cell / chart.scale
+        self.longest = np.concatenate([np.full(model.nv, POSTURE_STEP), steps])
+
+    # -- seeds -----------------------------------------------------------------------------------
+
+    def polished(self, seed: Seed) -> np.ndarray | None:
+        """Solution near a seed, or None.
+
+        Where the seed is bracketed along an axis, the other coordinates are held first, so that
+        the posture cannot slide along the set.
+        """
+        lattice = self.lattice
+        k = len(self.system.chart.names)
+        start = self.system.point(lattice.q[seed.cell], lattice.place(np.array([seed.cell]))[0])
+        tries: list[list[tuple[Bound, float]]] = [[]]
+        if seed.axis is not None and self.system.codimension == 1:
+            others = [i for i in range(k) if i != seed.axis]
+            tries.insert(0, [(self.bounds[i], float(start[self.bounds[i].index])) for i in others])
+        for held in tries:
+            z = settle(self.system, start, held)
+            if z is None:
+                continue
+            moved = (self.system.coordinates(z) - seed.place) / lattice.cell
+            if np.linalg.norm(moved) <= seed.reach and self.system.residual(z) < 1e-11:
+                return z
+        return None
+
+    def located(self, kind: str, lattice: Lattice, edges: Edges) -> np.ndarray:
+        """Solutions (n, nq + k) on or near edges of a lattice; NaN where there is none."""
+        found = on_edges(self.system, lattice, kind, edges)
+        mine, self.lattice = self.lattice, lattice
+        for i in np.flatnonzero(np.isnan(found[:, 0])):
+            z = self.polished(seed_on(lattice, kind, edges, int(i)))
+            if z is not None:
+                found[i] = z
+        self.lattice = mine
+        return found
+
+    def follow(self, points: Iterable[np.ndarray | None]) -> Iterator[None]:
+        """Trace the curves on which solutions lie, and those that branch off; yield after each."""
+        for z in points:
+            if z is not None and np.isfinite(z[0]):
+                self.add(z)
+            yield
+
+    def add(self, z: np.ndarray) -> None:
+        """Trace the curve through a solution, unless it is known; then those that branch off."""
+        pending = [z]
+        while pending and len(self.curves) < MOST_CURVES:
+            z = pending.pop()
+            if any(b.beyond(z) is not None for b in self.bounds) or self.knows(z):
+                continue
+            curve = self._curve(z)
+            if curve is None:
+                continue
+            self.curves.append(curve)
+            for i in curve.crossings:
+                crossing = curve.points[i]
+                if any(self._gap(crossing, other) < SAME for other in self.crossings):
+                    continue
+                self.crossings.append(crossing)
+                if not reached(self.system, self.lattice, crossing[None])[0]:
+                    continue
+                near = [curve.points[j] for j in (i - 1, i + 1) if 0 <= j < len(curve.points)]
+                radius = min((self._gap(crossing, n) for n in near), default=0.0)
+                radius = min(max(radius, 1e-3), 0.5 * float(self.longest.min()) + 1e-3)
+                pending.extend(leaving(self.system, crossing, radius))
+
+    def _gap(self, one: np.ndarray, two: np.ndarray) -> float:
+        return float(np.linalg.norm(self.system.difference(one, two)))
+
+    def _curve(self, z: np.ndarray) -> Curve | None:
+        try:
+            basis = tangents(self.system, z)
+        except np.linalg.LinAlgError:  # a rank loss of two leaves the bordered matrix singular
+            self.flat.append(z)
+            return None
+        if basis.shape[1] == 0:
+            self.points.append(z)
+            return None
+        if basis.shape[1] > 1:
+            if not self._constrained(z):
+                self.flat.append(z)
+                self.degenerate = max(self.degenerate, basis.shape[1])
+            return None
+        ahead = trace(self.system, z, basis[:, 0], self.longest, self.bounds)
+        if ahead.end == "closed":
+            return Curve(np.array(ahead.points), ("closed", "closed"), tuple(ahead.crossings))
+        behind = trace(self.system, z, -basis[:, 0], self.longest, self.bounds)
+        return _joined(behind, ahead)
+
+    def _constrained(self, z: np.ndarray) -> bool:
+        """Trace the constraint singularities through a solution, where it is one.
+
+        The closures lose rank there, and with them every matrix that holds them: the kind's own
+        equations are degenerate, those of the constraint singularity are not.
+        """
+        if self.system.unfold:
+            return False
+        measure = Measure(self.system.mechanism, "constraint")
+        at = kinematics(self.system.mechanism, self.system.posture(z), tip=False)
+        s = np.linalg.svd(at.closures, compute_uv=False)
+        if s[min(measure.shape) - 1] > SINGULAR * s[0]:
+            return False
+        if self.constraint is None:
+            self.constraint = Tracker(Slice(self.system.chart, (measure,)), self.lattice)
+        settled = settle(self.constraint.system, z)
+        if settled is not None:
+            self.constraint.add(settled)
+        return True
+
+    def knows(self, z: np.ndarray) -> bool:
+        """Whether a solution is a point, or lies on a curve, that was found."""
+        nq = self.system.mechanism.model.nq
+        for curve in self.curves:
+            apart = np.abs(curve.points[:, nq:] - z[nq:]) / self.lattice.cell
+            for i in np.flatnonzero((apart < 0.8 + CELL_STEP).all(axis=1)):
+                if self._beside(curve, int(i), z):
+                    return True
+        if self.constraint is not None and self.constraint.knows(z):
+            return True
+        return any(self._gap(z, other) < 1e-6 for other in self.points)
+
+    def linked(self) -> list[Curve]:
+        """The curves, each with all branch points that it passes, whichever curve showed them."""
+        inner = [] if self.constraint is None else self.constraint.linked()
+        return [self._with_crossings(curve) for curve in self.curves] + inner
+
+    def _with_crossings(self, curve: Curve) -> Curve:
+        nq = self.system.mechanism.model.nq
+        for crossing in self.crossings:
+            own = [curve.points[i] for i in curve.crossings]
+            if any(self._gap(crossing, other) < SAME for other in own):
+                continue
+            apart = np.abs(curve.points[:, nq:] - crossing[nq:]) / self.lattice.cell
+            near = np.flatnonzero((apart < 0.8 + CELL_STEP).all(axis=1))
+            beside = [int(i) for i in near if self._beside(curve, int(i), crossing)]
+            if not beside:
+                continue
+            i = min(beside, key=lambda j: self._gap(curve.points[j], crossing)) + 1
+            points = np.insert(curve.points, i, crossing, axis=0)
+            later = tuple(j + (j >= i) for j in curve.crossings)
+            curve = Curve(points, curve.ends, tuple(sorted((*later, i))))
+        return curve
+
+    def _beside(self, curve: Curve, i: int, z: np.ndarray) -> bool:
+        """Whether a solution lies on the chord from point i of a curve to the next."""
+        here = curve.points[i]
+        following = i + 1 if i + 1 < len(curve.points) else (0 if curve.ends[0] == "closed" else i)
+        gap = self.system.difference(here, z)
+        size = float(np.linalg.norm(gap))
+        if size < 1e-6:
+            return True
+        chord = self.system.difference(here, curve.points[following])
+        length = float(np.linalg.norm(chord))
+        if length == 0.0 or size > 1.5 * length:
+            return False
+        share = float(gap @ chord) / length**2
+        if not -0.05 <= share <= 1.05:
+            return False
+        return float(np.linalg.norm(gap - share * chord)) < NEAR * length
+
+
+def _joined(behind: Path, ahead: Path) -> Curve:
+    """One curve from two paths that leave the same point."""
+    back = behind.points[::-1]
+    n = len(back)
+    crossings = [n - 1 - i for i in behind.crossings] + [n - 1 + i for i in ahead.crossings]
+    points = np.array([*back, *ahead.points[1:]])
+    return Curve(points, (behind.end, ahead.end), tuple(sorted(crossings)))

@@ -1,0 +1,1 @@
+"""Tracing one-dimensional solution sets by continuation, through branch points."""
