@@ -38,7 +38,7 @@ def load_robot(
     from closedchain.urdf import load_description
 
     known = (*cc.robots(), *families())
-    parameters = _settings(settings)
+    parameters = assignments(settings, "--set")
     if name in known:
         for key in ("name", "variant"):  # words of cc.load itself
             if key in parameters:
@@ -206,12 +206,13 @@ def _read_range(found: Slices, name: str, text: str) -> None:
             raise BadArgumentError(f"--over {name} is given with two numbers of points")
 
 
-def _settings(words: Iterable[str]) -> dict[str, str]:
+def assignments(words: Iterable[str], option: str) -> dict[str, str]:
+    """Texts by name, from words such as name=text."""
     values: dict[str, str] = {}
     for word in words:
-        name, text = _split(word, "--set")
+        name, text = _split(word, option)
         if name in values:
-            raise BadArgumentError(f"--set {name} is given twice")
+            raise BadArgumentError(f"{option} {name} is given twice")
         values[name] = text
     return values
 

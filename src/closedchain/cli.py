@@ -15,6 +15,7 @@ from typer.core import TyperGroup
 
 from closedchain import _arguments as arguments
 from closedchain import _reports as reports
+from closedchain._closed_forms_command import closed_forms
 from closedchain._follow_command import follow
 from closedchain._options import (
     At,
@@ -318,6 +319,7 @@ def plot(
 
 
 app.command()(follow)
+app.command()(closed_forms)
 
 
 def _load(robot: str, settings: list[str] | None, variant: str | None, no_xacro: bool) -> Mechanism:
