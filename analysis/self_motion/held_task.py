@@ -9,6 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 from closedchain.analysis.tracing.path import Bound
+from closedchain.analysis.tracing.turns import turning, without_turns
 from closedchain.closure.equations import Equations
 from closedchain.closure.mechanism import Mechanism
 
@@ -38,12 +39,7 @@ class HeldTask:
     @cached_property
     def turning(self) -> np.ndarray:
         """Which tangent coordinates are angles of joints with one freedom, (nv,) of bool."""
-        m = self.mechanism
-        single = np.zeros(m.model.nv, dtype=bool)
-        for joint in list(m.model.joints)[1:]:
-            if joint.nq == joint.nv == 1:
-                single[joint.idx_v] = True
-        return single & ~m.translational
+        return turning(self.mechanism)
 
     def frame(self, z: np.ndarray) -> None:
         """Nothing needs to be held for these equations to be smooth."""
@@ -59,9 +55,7 @@ class HeldTask:
 
     def change(self, one: np.ndarray, two: np.ndarray) -> np.ndarray:
         """Motion (nv,) [m, rad] from one posture to another, whole turns left out."""
-        v = np.array(pin.difference(self.mechanism.model, one, two))
-        v[self.turning] -= 2.0 * np.pi * np.round(v[self.turning] / (2.0 * np.pi))
-        return v
+        return without_turns(pin.difference(self.mechanism.model, one, two), self.turning)
 
     def difference(self, one: np.ndarray, two: np.ndarray) -> np.ndarray:
         """Dimensionless step (size,) from one posture to another, whole turns left out."""

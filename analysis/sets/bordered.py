@@ -1,15 +1,17 @@
 """Measures of singularity that are smooth and signed: corners of bordered matrices.
 
 The smallest singular value has a kink where it vanishes, and the determinant spans many decades.
-For a matrix A (m, n), m <= n, bordered by b (m, 1) and c (n, e + 1) with e = n - m, the solution of
+For a matrix A (m, n), m <= n, bordered by b (m, k) and c (n, e + k) with e = n - m, the solution of
 
     [A   b] [V]   [0]
     [c^T 0] [g] = [1]
 
-has a corner g (e + 1,) that is smooth in A, and zero exactly where A loses rank, as long as the
-bordered matrix is regular [Griewank1984]_, [Govaerts2000]_. Borders are singular vectors of A at a
-posture nearby. A rank loss is thus e + 1 equations: it has codimension e + 1. With the last row
-(w^T, h) of the inverse, dg = -w^T dA V. A matrix with more rows than columns is transposed.
+has a corner g (k, e + k) that is smooth in A, and zero exactly where A loses k ranks, as long as
+the bordered matrix is regular [Griewank1984]_, [Govaerts2000]_. Borders are singular vectors of A
+at a posture nearby. A loss of k ranks, the corank, is thus k (e + k) equations, and where they are
+independent it has that codimension; a mechanism whose ranks vanish together, all of them with one
+factor, makes them dependent. With the last rows (W^T, h) of the inverse, dg = -W^T dA V. A matrix
+with more rows than columns is transposed.
 
 All functions take one posture (nq,) or many (n, nq); a leading n then stands before every shape.
 
@@ -20,7 +22,8 @@ turning points, SIAM J. Numer. Anal. 21, 1984.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -32,7 +35,7 @@ from closedchain.urdf.description import OUTPUTS
 DIFFERENCE = 1e-5  # dimensionless step of the one central difference in a gradient
 
 Borders = tuple[np.ndarray, np.ndarray]
-"""b (short side, 1) and c (long side, e + 1)."""
+"""b (short side, corank) and c (long side, e + corank)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,12 +43,14 @@ class Measure:
     """The matrix whose rank loss is one kind of singularity.
 
     K_p for "direct", [K; J] for "inverse", K for "constraint", all dimensionless, closure rows
-    combined by ``combine`` (r, rows) into as many as the generic rank.
+    combined by ``combine`` (r, rows) into as many as the generic rank. ``corank`` is the number of
+    ranks that are lost at once.
     """
 
     mechanism: Mechanism
     kind: str
     outputs: tuple[str, ...] = ()
+    corank: int = 1
 
     @property
     def needs_tip(self) -> bool:
@@ -62,9 +67,17 @@ class Measure:
 
     @property
     def codimension(self) -> int:
-        """Number of equations that a rank loss is: |rows - columns| + 1."""
+        """Number of equations that the loss is: (|rows - columns| + corank) corank."""
         rows, columns = self.shape
-        return abs(rows - columns) + 1
+        return (abs(rows - columns) + self.corank) * self.corank
+
+    def losing(self, corank: int) -> Measure:
+        """The measure of a loss of so many ranks."""
+        return replace(self, corank=corank)
+
+    def values(self, at: Kinematics, combine: np.ndarray) -> np.ndarray:
+        """Singular values of the matrix at a posture, falling."""
+        return np.asarray(np.linalg.svd(self.matrix(at, combine), compute_uv=False))
 
     def matrix(self, at: Kinematics, combine: np.ndarray) -> np.ndarray:
         """Matrix (rows, columns) at a posture."""
@@ -98,20 +111,26 @@ class Measure:
         if matrix.shape[-2] > matrix.shape[-1]:
             matrix = matrix.swapaxes(-1, -2)
         u, _, vt = np.linalg.svd(matrix)
-        return u[..., -1:], vt[..., matrix.shape[-2] - 1 :, :].swapaxes(-1, -2)
+        first = matrix.shape[-2] - self.corank
+        return u[..., first:], vt[..., first:, :].swapaxes(-1, -2)
 
     def evaluate(
         self, q: np.ndarray, at: Kinematics, combine: np.ndarray, borders: Borders
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Corner g (codimension,) and its derivative (codimension, nv), dimensionless."""
+        """Corner g (codimension,) and its derivative (codimension, nv), dimensionless.
+
+        Raises ``numpy.linalg.LinAlgError`` where the bordered matrix of a posture is singular; of
+        many postures, those have a g of NaN.
+        """
         matrix = self.matrix(at, combine)
         transposed = matrix.shape[-2] > matrix.shape[-1]
         g, w, v = corner(matrix.swapaxes(-1, -2) if transposed else matrix, borders)
         gradient = []
-        for i in range(v.shape[-1]):
-            left, right = (v[..., i], w) if transposed else (w, v[..., i])
-            gradient.append(-self._derivative(q, at, combine, left, right))
-        return g, np.stack(gradient, axis=-2)
+        for a in range(w.shape[-1]):
+            for i in range(v.shape[-1]):
+                both = (v[..., i], w[..., a]) if transposed else (w[..., a], v[..., i])
+                gradient.append(-self._derivative(q, at, combine, *both))
+        return g.reshape(*g.shape[:-2], -1), np.stack(gradient, axis=-2)
 
     def _derivative(
         self,
@@ -161,17 +180,38 @@ class Measure:
 
 
 def corner(matrix: np.ndarray, borders: Borders) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Corner g (e + 1,) of a bordered matrix (m, n), m <= n, with w (m,) and V (n, e + 1)."""
+    """Corner g (k, e + k) of a bordered matrix (m, n), m <= n, with W (m, k) and V (n, e + k).
+
+    Raises ``numpy.linalg.LinAlgError`` where the bordered matrix is singular; NaN for such ones
+    among many.
+    """
     b, c = borders
     m, n = matrix.shape[-2:]
-    bordered = np.zeros((*matrix.shape[:-2], n + 1, n + 1))
+    size = n + b.shape[-1]
+    bordered = np.zeros((*matrix.shape[:-2], size, size))
     bordered[..., :m, :n] = matrix
     bordered[..., :m, n:] = b
     bordered[..., m:, :n] = c.swapaxes(-1, -2)
-    unit = np.broadcast_to(np.eye(n + 1), bordered.shape)
-    right = np.linalg.solve(bordered, unit[..., m:])
-    left = np.linalg.solve(bordered.swapaxes(-1, -2), unit[..., n:])[..., 0]
-    return right[..., n, :], left[..., :m], right[..., :n, :]
+    unit = np.eye(size)
+    right = _solved(bordered, unit[:, m:])
+    left = _solved(bordered.swapaxes(-1, -2), unit[:, n:])
+    return right[..., n:, :], left[..., :m, :], right[..., :n, :]
+
+
+def _solved(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """Solutions (..., n, j) of one or many systems; NaN for singular ones among many."""
+    try:
+        return np.asarray(
+            np.linalg.solve(matrix, np.broadcast_to(right, (*matrix.shape[:-1], right.shape[-1])))
+        )
+    except np.linalg.LinAlgError:
+        if matrix.ndim == 2:
+            raise
+        found = np.full((*matrix.shape[:-1], right.shape[-1]), np.nan)
+        for i in np.ndindex(matrix.shape[:-2]):
+            with suppress(np.linalg.LinAlgError):
+                found[i] = np.linalg.solve(matrix[i], right)
+        return found
 
 
 def _times(row: np.ndarray, matrix: np.ndarray) -> np.ndarray:

@@ -42,7 +42,7 @@ def _away(tracker: Tracker, places: np.ndarray, found: np.ndarray, cell: np.ndar
     from scipy.spatial import cKDTree
 
     points = [tracker.system.coordinates(c.points) for c in tracker.linked()]
-    points += [tracker.system.coordinates(z)[None] for z in tracker.points]
+    points += [tracker.system.coordinates(z)[None] for z in tracker.alone()]
     if not points or not len(places):
         return np.ones(len(places), dtype=bool)
     apart, _ = cKDTree(np.concatenate(points) / cell).query(places / cell)

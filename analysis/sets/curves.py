@@ -14,20 +14,22 @@ import numpy as np
 
 from closedchain.analysis.maps.grid import Progress
 from closedchain.analysis.sets.bordered import Measure
-from closedchain.analysis.sets.lattice import Lattice
-from closedchain.analysis.sets.membership import along, reached
-from closedchain.analysis.sets.seeds import brackets, least_values
+from closedchain.analysis.sets.lattice import Lattice, finer
+from closedchain.analysis.sets.membership import along, met, reached
+from closedchain.analysis.sets.seeds import brackets
 from closedchain.analysis.sets.singular_set import Piece, SingularitySet, collect
 from closedchain.analysis.sets.slices import Slice
 from closedchain.analysis.sets.touching import touching
 from closedchain.analysis.sets.tracked import Tracker
 
-VERDICTS = {-1: "none found", 0: "isolated", 1: "curve", 2: "surface", 3: "everywhere"}
+UPRIGHT = 1e-6  # of a cell: a curve whose coordinates vary less stands above a point
+VERDICTS = {-1: "none found", 0: "isolated", 1: "curve", 2: "surface"}
 
 
 def is_everywhere(lattice: Lattice, kind: str) -> bool:
     """Whether all cells of the branch are singular of a kind, but for a few by rounding."""
-    return int(lattice.singular[kind].sum()) >= 0.99 * int(lattice.ok.sum())
+    cells = int(lattice.ok.sum())
+    return cells > 0 and int(lattice.singular[kind].sum()) >= 0.99 * cells
 
 
 def tracker_of(
@@ -43,11 +45,11 @@ def tracker_of(
         (kind,) = kinds
         found = tracker.located(kind, lattice, brackets(lattice, kind))
         tracker.dropped = int(np.isnan(found[:, :1]).sum())
-        least = least_values(lattice, kind)
-        points = chain(found, map(tracker.polished, least))
-        for i, _ in enumerate(tracker.follow(points)):
+        wide = tracker.system.codimension > 1
+        work = chain(tracker.follow(found), tracker.least(kind, lattice, wide=wide))
+        for i, _ in enumerate(work):
             if progress is not None:
-                progress(f"tracing {kind} curves", i + 1, len(found) + len(least))
+                progress(f"tracing {kind} curves", i + 1, max(i + 1, len(found)))
     return tracker
 
 
@@ -67,17 +69,17 @@ def curve_set(
         Piece(c.points, along(system, lattice, c.points), c.ends, c.crossings)
         for c in tracker.linked()
     ]
-    points = [Piece(z[None], reached(system, lattice, z[None])) for z in tracker.points]
-    square = kind in lattice.det or kind == lattice.chart.folds
+    points = [Piece(z[None], reached(system, lattice, z[None])) for z in tracker.alone()]
     curves += [p for p in touched if p.ends is not None]
     points += [p for p in touched if p.ends is None]
-    if square:
-        points += _alone(tracker, [*curves, *points])
+    points += _alone(tracker, [*curves, *points])
+    curves, standing = _upright(system, lattice, curves)
+    points += standing
     curves, points = ([p for p in ps if p.on_branch.any()] for ps in (curves, points))
+    if standing:
+        tracker.above = max(tracker.above, 1)
     dimension = 1 if curves else 0
-    verdict = VERDICTS[dimension if curves or points else -1]
-    if tracker.degenerate and not square:
-        verdict = VERDICTS[tracker.degenerate]
+    verdict = VERDICTS[max(dimension, tracker.degenerate) if curves or points else -1]
     return collect(
         lattice.chart,
         kind,
@@ -91,6 +93,25 @@ def curve_set(
     )
 
 
+def _upright(
+    system: Slice, lattice: Lattice, curves: Sequence[Piece]
+) -> tuple[list[Piece], list[Piece]]:
+    """Curves whose coordinates vary, and single points of those whose coordinates do not.
+
+    On the latter only the posture moves: they are self-motions above one point of the slice.
+    """
+    k = len(lattice.values)
+    varying, standing = [], []
+    for piece in curves:
+        if (np.ptp(piece.points[:, -k:], axis=0) > UPRIGHT * lattice.cell).any():
+            varying.append(piece)
+            continue
+        i = int(np.argmax(piece.on_branch))
+        on_branch = piece.on_branch[i] or met(system, lattice, piece.points[i])
+        standing.append(Piece(piece.points[i : i + 1], np.array([on_branch])))
+    return varying, standing
+
+
 def _alone(tracker: Tracker, pieces: Sequence[Piece]) -> list[Piece]:
     """Solutions with degenerate equations that lie beside no piece, each of them once."""
     system, lattice = tracker.system, tracker.lattice
@@ -101,7 +122,10 @@ def _alone(tracker: Tracker, pieces: Sequence[Piece]) -> list[Piece]:
         if any((np.abs(n - c) <= lattice.cell).all(axis=1).any() for n in near):
             continue
         near.append(c[None])
-        found.append(Piece(z[None], reached(system, lattice, z[None])))
+        on_branch = reached(system, lattice, z[None])
+        if not on_branch[0] and tracker.above:
+            on_branch[0] = met(system, lattice, z)
+        found.append(Piece(z[None], on_branch))
     return found
 
 
@@ -118,6 +142,16 @@ def _note(tracker: Tracker, kind: str, outputs: tuple[str, ...]) -> str:
                 f"loss of {rows} x {columns} is {measure.codimension} conditions on {k} "
                 "coordinates; it was sought from the least singular values of the grid"
             )
+    if tracker.tried and tracker.system.codimension > 1:
+        notes.append(
+            f"{tracker.lost} of {tracker.tried} least values led to no singular posture in range"
+        )
+    if tracker.above:
+        notes.append(
+            "above some of its points stand whole sets of singular postures with the same "
+            f"coordinates, of dimension {tracker.above}: a self-motion; the verdict speaks of the "
+            "coordinates alone"
+        )
     return "; ".join(notes)
 
 
@@ -142,7 +176,10 @@ def curves_on(
         for z in passing:
             tracker.add(z)
     missed = None
-    if check and (kind in lattice.det or kind == lattice.chart.folds):
+    if check and tracker.system.codimension > 1:
+        for _ in tracker.least(kind, finer(lattice, progress), wide=True):
+            pass
+    elif check and (kind in lattice.det or kind == lattice.chart.folds):
         from closedchain.analysis.sets.completeness import complete
 
         k = len(lattice.values)

@@ -8,6 +8,7 @@ from closedchain.analysis.sets.chart_rows import chart_rows
 from closedchain.analysis.sets.lattice import Lattice
 from closedchain.analysis.sets.postures_at import kinematics
 from closedchain.analysis.sets.slices import Slice
+from closedchain.analysis.tracing.corrector import settle
 
 CELLS = 2  # nearest cells of the branch that are tried
 AWAY = 2.5  # cells: how far they may be
@@ -15,6 +16,8 @@ SAME = 1e-6  # dimensionless: postures that are one
 SHORT = 0.02  # share of the way that may be left at a fold
 MERGING = 0.02  # dimensionless: how far apart postures may be, short of a fold by ``CLOSE``
 CLOSE = 1e-4  # share of the way
+AROUND = 9  # cells that ways to a self-motion are tried from
+STANDING = 0.3  # dimensionless: from the end of such a way to the self-motion
 SAMPLE = 5  # points of a curve between two that are looked at, while they agree
 
 
@@ -43,6 +46,31 @@ def reached(system: Slice, lattice: Lattice, points: np.ndarray) -> np.ndarray:
             cells = lattice.cells[near[todo, rank]]
             out[todo] = _leads(system, lattice, cells, points[todo])
     return out
+
+
+def met(system: Slice, lattice: Lattice, z: np.ndarray) -> bool:
+    """Whether a way from a nearby cell of the branch ends in some solution above a point's place.
+
+    For points (nq + k,) above which a whole set of postures stands: which of them a way ends in
+    depends on where it comes from.
+    """
+    place = system.coordinates(z)
+    count = min(AROUND, len(lattice.cells))
+    if not count:
+        return False
+    apart, near = lattice.tree.query(place / lattice.cell, k=count)
+    cells = lattice.cells[np.atleast_1d(near)[np.atleast_1d(apart) <= AWAY]]
+    if not len(cells):
+        return False
+    short = place + SHORT * (lattice.place(cells) - place)
+    q, refused = lattice.kernel.batch.solve(lattice.q[tuple(cells.T)], short)
+    for start in system.point(q, short)[refused == 0]:
+        there = settle(system, start)
+        if there is None or np.abs(system.difference(start, there)).max() > STANDING:
+            continue
+        if (np.abs(system.coordinates(there) - place) <= 1e-4 * lattice.cell).all():
+            return True
+    return False
 
 
 def along(system: Slice, lattice: Lattice, points: np.ndarray) -> np.ndarray:

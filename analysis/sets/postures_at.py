@@ -92,13 +92,15 @@ def moved(mechanism: Mechanism, q: np.ndarray, v: np.ndarray) -> np.ndarray:
 
 
 def apart(mechanism: Mechanism, one: np.ndarray, two: np.ndarray) -> np.ndarray:
-    """Steps [m, rad] from postures to others: ``pin.difference`` for one or many."""
+    """Steps [m, rad] from postures to others, for one or many: ``pin.difference``."""
     if one.ndim == 1:
-        return np.asarray(pin.difference(mechanism.model, one, two))
-    if mechanism.model.nq == mechanism.model.nv:
-        return np.asarray(two - one)
-    found = [pin.difference(mechanism.model, *both) for both in zip(one, two, strict=True)]
-    return np.array(found).reshape(len(one), mechanism.model.nv)
+        found = np.asarray(pin.difference(mechanism.model, one, two))
+    elif mechanism.model.nq == mechanism.model.nv:
+        found = two - one
+    else:
+        every = [pin.difference(mechanism.model, *both) for both in zip(one, two, strict=True)]
+        found = np.array(every).reshape(len(one), mechanism.model.nv)
+    return found
 
 
 def skew(vectors: np.ndarray) -> np.ndarray:

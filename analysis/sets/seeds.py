@@ -25,16 +25,20 @@ class Seed:
         Axis along which it is bracketed, if any.
     reach : float
         Cells that the search may lead away from ``place``.
+    others : tuple of cells
+        Neighbours to start from where the cell itself leads to nothing.
     """
 
     place: np.ndarray
     cell: tuple[int, ...]
     axis: int | None
     reach: float
+    others: tuple[tuple[int, ...], ...] = ()
 
 
 REACH = 1.5  # cells from a bracketed seed to the set
 FAR = 2.5  # cells from a least value to the set
+NEXT = 3  # neighbours of a least value to start from
 
 
 def brackets(lattice: Lattice, kind: str) -> Edges:
@@ -78,18 +82,35 @@ def seed_on(lattice: Lattice, kind: str, edges: Edges, i: int) -> Seed:
     return Seed(place, cell, int(edges.axis[i]), REACH)
 
 
-def least_values(lattice: Lattice, kind: str, most: int = 60) -> list[Seed]:
-    """Cells of the branch where the singular value is no larger than at any neighbour, rising."""
+def least_values(lattice: Lattice, kind: str, most: int = 60, *, wide: bool = False) -> list[Seed]:
+    """Cells of the branch where the singular value is no larger than at any neighbour, rising.
+
+    ``wide`` is for sets that nothing else shows: a least value along lines of the grid is enough,
+    neighbours may be started from, and the search may lead anywhere.
+    """
     sigma = np.where(lattice.ok, lattice.sigma[kind], np.inf)
     padded = np.pad(sigma, 1, constant_values=np.inf)
     lowest = lattice.ok.copy()
-    for offset in cells_around(sigma.shape):
+    around = cells_around(sigma.shape)
+    for offset in around:
+        if wide and np.count_nonzero(offset) > 1:
+            continue
         window = tuple(slice(1 + o, 1 + o + n) for o, n in zip(offset, sigma.shape, strict=True))
         lowest &= sigma <= padded[window]
     cells = np.argwhere(lowest)
     order = np.argsort(sigma[tuple(cells.T)], kind="stable")[:most]
     places = lattice.place(cells)
-    return [Seed(places[i], tuple(int(j) for j in cells[i]), None, FAR) for i in order]
+    seeds = []
+    for i in order:
+        others: list[tuple[int, ...]] = []
+        if wide:
+            beside = [tuple(int(j) for j in cells[i] + o) for o in around]
+            # padded cells are one further on
+            beside.sort(key=lambda c: float(padded[tuple(j + 1 for j in c)]))
+            others = [c for c in beside if np.isfinite(padded[tuple(j + 1 for j in c)])][:NEXT]
+        cell = tuple(int(j) for j in cells[i])
+        seeds.append(Seed(places[i], cell, None, np.inf if wide else FAR, tuple(others)))
+    return seeds
 
 
 def _pairs(ndim: int, axis: int) -> tuple[tuple[slice, ...], tuple[slice, ...]]:

@@ -64,7 +64,8 @@ class SingularitySet:
     verdict : str
         "isolated", "curve" or "surface": what the set is in this slice, by the rank of its
         equations at the points found, or by how these join where a determinant only touches zero;
-        "everywhere"; or "none found".
+        "everywhere"; or "none found". It speaks of the coordinates: where a whole self-motion
+        stands above one point of the slice, the set holds one posture of it, and ``note`` says so.
     dropped : int
         Bracketed places near which no singular posture was found.
     missed : int or None

@@ -6,6 +6,7 @@ fails: at a fold of the chart the solution turns round in c and goes on in q.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -15,6 +16,7 @@ from closedchain.analysis.mobility import generic_rank
 from closedchain.analysis.sets.bordered import Borders, Measure
 from closedchain.analysis.sets.chart_rows import chart_rows
 from closedchain.analysis.sets.postures_at import apart, kinematics, moved
+from closedchain.analysis.tracing.turns import turning, without_turns
 from closedchain.closure.chart import Chart
 from closedchain.closure.mechanism import Mechanism
 
@@ -70,6 +72,10 @@ class Slice:
         return sum(m.codimension for m in self.measures)
 
     @cached_property
+    def _turning(self) -> np.ndarray:
+        return turning(self.mechanism)
+
+    @cached_property
     def _tip(self) -> bool:
         return bool(self.chart.outputs) or any(m.needs_tip for m in self.measures)
 
@@ -95,8 +101,9 @@ class Slice:
         return np.concatenate([q, self.coordinates(z) + by[..., nv:]], axis=-1)
 
     def difference(self, one: np.ndarray, two: np.ndarray) -> np.ndarray:
-        """Dimensionless steps from ``one`` to ``two``."""
+        """Dimensionless steps from ``one`` to ``two``, whole turns of joints left out."""
         change = apart(self.mechanism, self.posture(one), self.posture(two))
+        change = without_turns(change, self._turning)
         shift = self.coordinates(two) - self.coordinates(one)
         return np.asarray(np.concatenate([change, shift], axis=-1) / self.unit)
 
@@ -114,17 +121,42 @@ class Slice:
 
     @cached_property
     def unfold(self) -> bool:
-        """Whether the closures themselves lose a row on the set: at constraint singularities.
+        """Whether the closures themselves lose rows on the set: at constraint singularities.
 
-        That row is left out, since two or more branches of closed postures meet there.
+        These rows are left out, since two or more branches of closed postures meet there.
         """
-        return any(m.kind == "constraint" for m in self.measures)
+        return self._unfolded > 0
+
+    @cached_property
+    def _unfolded(self) -> int:
+        return sum(m.corank for m in self.measures if m.kind == "constraint")
+
+    @cached_property
+    def coranks(self) -> tuple[int, ...]:
+        """Ranks that each measure's matrix loses on the set."""
+        return tuple(m.corank for m in self.measures)
+
+    def losing(self, coranks: Sequence[int]) -> Slice:
+        """The same slice for losses of so many ranks."""
+        both = zip(self.measures, coranks, strict=True)
+        return Slice(self.chart, tuple(m.losing(k) for m, k in both))
+
+    def values(self, z: np.ndarray) -> list[np.ndarray]:
+        """Singular values of each measure's matrix at a point, falling."""
+        at = kinematics(self.mechanism, self.posture(z), tip=self._tip)
+        combine = self.frame(z).combine
+        return [m.values(at, combine) for m in self.measures]
+
+    def lost(self, z: np.ndarray, share: float) -> tuple[int, ...]:
+        """Number of singular values below a share of the largest one, for each measure."""
+        return tuple(int((s <= share * s[0]).sum()) for s in self.values(z))
 
     def evaluate(self, z: np.ndarray, frame: Frame) -> tuple[np.ndarray, np.ndarray]:
         """Residual (rows,) and Jacobian (rows, nv + k), dimensionless."""
         q, nv = self.posture(z), self.mechanism.model.nv
         at = kinematics(self.mechanism, q, tip=self._tip)
-        closures = frame.combine[..., :-1, :] if self.unfold else frame.combine
+        kept = frame.combine.shape[-2] - self._unfolded
+        closures = frame.combine[..., :kept, :]
         values = [(closures @ at.residual[..., None])[..., 0]]
         rows = [closures @ at.closures]
         coordinates, by_q, by_c = chart_rows(self.chart, q, self.coordinates(z), at)

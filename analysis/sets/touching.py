@@ -15,7 +15,6 @@ import numpy as np
 from closedchain.analysis.sets.edges import CLOSED, ZERO, Edges
 from closedchain.analysis.sets.lattice import Lattice
 from closedchain.analysis.sets.meshing import mesh_of
-from closedchain.analysis.sets.postures_at import kinematics
 from closedchain.analysis.sets.singular_set import Piece
 from closedchain.analysis.sets.slices import Slice
 from closedchain.analysis.tracing.path import tangents
@@ -50,12 +49,15 @@ def touching(
 
 
 def _regular(system: Slice, z: np.ndarray) -> bool:
-    """Whether one freedom is lost at a point, and the equations of the set have full rank."""
-    (measure,) = system.measures
-    at = kinematics(system.mechanism, system.posture(z), tip=measure.needs_tip)
-    s = np.linalg.svd(measure.matrix(at, system.frame(z).combine), compute_uv=False)
-    if len(s) > 1 and s[-2] < SLOPE * s[0]:
-        return False
+    """Whether the equations of the set have full rank at a point, for the ranks lost there.
+
+    In space only where one rank is lost: nothing meshes the others.
+    """
+    lost = max(1, *system.lost(z, SLOPE))
+    if lost > 1:
+        if len(system.chart.names) > 2:
+            return False
+        system = system.losing((lost,))
     try:
         return tangents(system, z, SLOPE).shape[1] == len(system.chart.names) - 1
     except np.linalg.LinAlgError:  # a rank loss of two leaves the bordered matrix singular

@@ -8,20 +8,27 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from closedchain.analysis.sets.bordered import Measure
+from closedchain.analysis.sets.dimension import dimensions
 from closedchain.analysis.sets.edges import Edges, on_edges
 from closedchain.analysis.sets.lattice import Lattice
 from closedchain.analysis.sets.membership import reached
 from closedchain.analysis.sets.postures_at import kinematics
-from closedchain.analysis.sets.seeds import Seed, seed_on
+from closedchain.analysis.sets.seeds import Seed, least_values, seed_on
 from closedchain.analysis.sets.slices import Slice
 from closedchain.analysis.singularities import SINGULAR
 from closedchain.analysis.tracing.branching import leaving
-from closedchain.analysis.tracing.path import Bound, Path, settle, tangents, trace
+from closedchain.analysis.tracing.joining import joined
+from closedchain.analysis.tracing.path import Bound, settle, tangents, trace
 
 POSTURE_STEP = 0.2  # dimensionless: largest change of an unknown of the posture in a step
 CELL_STEP = 0.5  # cells: largest change of a coordinate in a step
 NEAR = 0.1  # of a chord: a point nearer to it than this lies on the curve
 MOST_CURVES = 200
+MOST_RANKS = 3  # that are looked for together
+ALIKE = 5.0  # of the least singular value: others up to there may vanish with it
+SMALL = 0.1  # of the largest one: if they are below that
+VANISHED = 1e-7  # of the largest singular value, at a solution
+BESIDE = 1e-2  # dimensionless: from a solution to where more ranks are lost
 SAME = 1e-3  # dimensionless: branch points nearer to each other than this are one
 
 EDGE = "edge of the range"
@@ -51,10 +58,15 @@ class Tracker:
         Branch points.
     degenerate : int
         Dimension of the set where it is larger than that of a curve; else 0.
+    above : int
+        Dimension of the largest set of postures with the same coordinates that was met.
     dropped : int
         Bracketed seeds near which no solution was found.
-    constraint : Tracker or None
-        Curves on which the closures themselves lose rank, if any were met.
+    tried, lost : int
+        Least values that were started from, and those from which no solution was reached.
+    inner : dict
+        Trackers of what was met besides: where a matrix loses more ranks, by how many each one
+        loses, and where the closures themselves do, by "constraint".
     """
 
     system: Slice
@@ -64,8 +76,11 @@ class Tracker:
     flat: list[np.ndarray] = field(default_factory=list)
     crossings: list[np.ndarray] = field(default_factory=list)
     degenerate: int = 0
+    above: int = 0
     dropped: int = 0
-    constraint: Tracker | None = None
+    tried: int = 0
+    lost: int = 0
+    inner: dict[tuple[int, ...] | str, Tracker] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Lay out bounds and step lengths."""
@@ -98,21 +113,41 @@ class Tracker:
         Where the seed is bracketed along an axis, the other coordinates are held first, so that
         the posture cannot slide along the set.
         """
+        for cell in (seed.cell, *seed.others):
+            z = self._polished_from(cell, seed)
+            if z is not None:
+                return z
+        return None
+
+    def _polished_from(self, cell: tuple[int, ...], seed: Seed) -> np.ndarray | None:
         lattice = self.lattice
         k = len(self.system.chart.names)
-        start = self.system.point(lattice.q[seed.cell], lattice.place(np.array([seed.cell]))[0])
-        tries: list[list[tuple[Bound, float]]] = [[]]
-        if seed.axis is not None and self.system.codimension == 1:
-            others = [i for i in range(k) if i != seed.axis]
-            tries.insert(0, [(self.bounds[i], float(start[self.bounds[i].index])) for i in others])
-        for held in tries:
-            z = settle(self.system, start, held)
-            if z is None:
+        start = self.system.point(lattice.q[cell], lattice.place(np.array([cell]))[0])
+        others = [] if seed.axis is None else [i for i in range(k) if i != seed.axis]
+        held = [(self.bounds[i], float(start[self.bounds[i].index])) for i in others]
+        tries = [(self.system, held)] if held and self.system.codimension == 1 else []
+        tries.append((self.system, []))
+        tries += [(self.system.losing(c), []) for c in self._alike(start)]
+        for system, rows in tries:
+            z = settle(system, start, rows, careful=bool(seed.others))
+            if z is None or (seed.others and any(b.beyond(z) is not None for b in self.bounds)):
                 continue
             moved = (self.system.coordinates(z) - seed.place) / lattice.cell
             if np.linalg.norm(moved) <= seed.reach and self.system.residual(z) < 1e-11:
                 return z
         return None
+
+    def _alike(self, z: np.ndarray) -> list[tuple[int, ...]]:
+        """Numbers of ranks that might be lost together near a point: values of the same order."""
+        found = []
+        for n, measure in enumerate(self.system.measures):
+            s = self.system.values(z)[n][::-1]
+            for k in range(measure.corank + 1, min(MOST_RANKS, s.size - 1) + 1):
+                if s[k - 1] <= ALIKE * s[0] and s[k - 1] <= SMALL * s[-1]:
+                    more = list(self.system.coranks)
+                    more[n] = k
+                    found.append(tuple(more))
+        return found
 
     def located(self, kind: str, lattice: Lattice, edges: Edges) -> np.ndarray:
         """Solutions (n, nq + k) on or near edges of a lattice; NaN where there is none."""
@@ -124,6 +159,19 @@ class Tracker:
                 found[i] = z
         self.lattice = mine
         return found
+
+    def least(self, kind: str, lattice: Lattice, *, wide: bool) -> Iterator[None]:
+        """Trace from the least values of a lattice; yield after each."""
+        mine, seeds = self.lattice, least_values(lattice, kind, wide=wide)
+        for seed in seeds:
+            self.lattice = lattice
+            z = self.polished(seed)
+            self.lattice = mine
+            self.lost += z is None
+            self.tried += 1
+            if z is not None:
+                self.add(z)
+            yield
 
     def follow(self, points: Iterable[np.ndarray | None]) -> Iterator[None]:
         """Trace the curves on which solutions lie, and those that branch off; yield after each."""
@@ -159,24 +207,66 @@ class Tracker:
         return float(np.linalg.norm(self.system.difference(one, two)))
 
     def _curve(self, z: np.ndarray) -> Curve | None:
+        more = self._more_lost(z)
+        if more and (self._constrained(z) or self._together(z)):
+            return None
         try:
             basis = tangents(self.system, z)
-        except np.linalg.LinAlgError:  # a rank loss of two leaves the bordered matrix singular
+        except np.linalg.LinAlgError:  # more ranks are lost than the borders make up for
             self.flat.append(z)
             return None
-        if basis.shape[1] == 0:
+        if basis.shape[1] == 0 and not more:
             self.points.append(z)
             return None
-        if basis.shape[1] > 1:
-            if not self._constrained(z):
-                self.flat.append(z)
-                self.degenerate = max(self.degenerate, basis.shape[1])
+        if basis.shape[1] != 1:
+            if more or not self._constrained(z):
+                self._flat(z, basis)
             return None
         ahead = trace(self.system, z, basis[:, 0], self.longest, self.bounds)
         if ahead.end == "closed":
             return Curve(np.array(ahead.points), ("closed", "closed"), tuple(ahead.crossings))
         behind = trace(self.system, z, -basis[:, 0], self.longest, self.bounds)
-        return _joined(behind, ahead)
+        found = joined(self.system, behind, ahead)
+        return Curve(np.array(found.points), found.ends, found.crossings)
+
+    def _flat(self, z: np.ndarray, basis: np.ndarray) -> None:
+        """Note a solution with degenerate equations, and the dimension of the set around it."""
+        self.flat.append(z)
+        whole, seen = dimensions(self.system, z, basis)
+        self.above = max(self.above, whole - seen)
+        if seen < len(self.system.chart.names):  # else every posture were singular
+            self.degenerate = max(self.degenerate, seen)
+
+    def _more_lost(self, z: np.ndarray) -> tuple[int, ...]:
+        """Ranks that are lost at a solution, where these are more than sought; else none."""
+        lost = self.system.lost(z, VANISHED)
+        both = list(zip(lost, self.system.coranks, strict=True))
+        if all(n <= own for n, own in both):
+            return ()
+        return tuple(max(n, own) for n, own in both)
+
+    def _together(self, z: np.ndarray) -> bool:
+        """Trace the curve along which more ranks are lost at once, where a solution lies on one.
+
+        Where the loss of more ranks is isolated, curves of a smaller loss may still pass.
+        """
+        coranks = self._more_lost(z)
+        if self.system.unfold or max(coranks) > MOST_RANKS:
+            return False
+        inner = self.inner.get(coranks) or Tracker(self.system.losing(coranks), self.lattice)
+        settled = settle(inner.system, z)
+        if settled is None or self._gap(z, settled) > BESIDE:
+            return False
+        if not inner.knows(settled):
+            try:
+                dimension = tangents(inner.system, settled).shape[1]
+            except np.linalg.LinAlgError:
+                return False
+            if dimension != 1:
+                return False
+            inner.add(settled)
+            self.inner[coranks] = inner
+        return True
 
     def _constrained(self, z: np.ndarray) -> bool:
         """Trace the constraint singularities through a solution, where it is one.
@@ -184,18 +274,20 @@ class Tracker:
         The closures lose rank there, and with them every matrix that holds them: the kind's own
         equations are degenerate, those of the constraint singularity are not.
         """
-        if self.system.unfold:
-            return False
         measure = Measure(self.system.mechanism, "constraint")
+        if self.system.unfold or not min(measure.shape):
+            return False
         at = kinematics(self.system.mechanism, self.system.posture(z), tip=False)
         s = np.linalg.svd(at.closures, compute_uv=False)
         if s[min(measure.shape) - 1] > SINGULAR * s[0]:
             return False
-        if self.constraint is None:
-            self.constraint = Tracker(Slice(self.system.chart, (measure,)), self.lattice)
-        settled = settle(self.constraint.system, z)
+        if "constraint" not in self.inner:
+            system = Slice(self.system.chart, (measure,))
+            self.inner["constraint"] = Tracker(system, self.lattice)
+        inner = self.inner["constraint"]
+        settled = settle(inner.system, z)
         if settled is not None:
-            self.constraint.add(settled)
+            inner.add(settled)
         return True
 
     def knows(self, z: np.ndarray) -> bool:
@@ -206,14 +298,18 @@ class Tracker:
             for i in np.flatnonzero((apart < 0.8 + CELL_STEP).all(axis=1)):
                 if self._beside(curve, int(i), z):
                     return True
-        if self.constraint is not None and self.constraint.knows(z):
+        if any(inner.knows(z) for inner in self.inner.values()):
             return True
         return any(self._gap(z, other) < 1e-6 for other in self.points)
 
     def linked(self) -> list[Curve]:
         """The curves, each with all branch points that it passes, whichever curve showed them."""
-        inner = [] if self.constraint is None else self.constraint.linked()
-        return [self._with_crossings(curve) for curve in self.curves] + inner
+        own = [self._with_crossings(curve) for curve in self.curves]
+        return own + [curve for inner in self.inner.values() for curve in inner.linked()]
+
+    def alone(self) -> list[np.ndarray]:
+        """Solutions that lie on no curve, of all trackers."""
+        return self.points + [z for inner in self.inner.values() for z in inner.alone()]
 
     def _with_crossings(self, curve: Curve) -> Curve:
         nq = self.system.mechanism.model.nq
@@ -248,12 +344,3 @@ class Tracker:
         if not -0.05 <= share <= 1.05:
             return False
         return float(np.linalg.norm(gap - share * chord)) < NEAR * length
-
-
-def _joined(behind: Path, ahead: Path) -> Curve:
-    """One curve from two paths that leave the same point."""
-    back = behind.points[::-1]
-    n = len(back)
-    crossings = [n - 1 - i for i in behind.crossings] + [n - 1 + i for i in ahead.crossings]
-    points = np.array([*back, *ahead.points[1:]])
-    return Curve(points, (behind.end, ahead.end), tuple(sorted(crossings)))

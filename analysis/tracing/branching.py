@@ -21,7 +21,10 @@ def leaving(system: System, z: np.ndarray, radius: float) -> list[np.ndarray]:
     Empty where the null space is not two-dimensional to the accuracy of the point.
     """
     frame = system.frame(z)
-    _, jacobian = system.evaluate(z, frame)
+    try:
+        _, jacobian = system.evaluate(z, frame)
+    except np.linalg.LinAlgError:
+        return []
     u, s, vt = np.linalg.svd(jacobian)
     rank = system.size - 2
     if len(s) <= rank or s[rank] > 1e-2 * s[rank - 1]:
@@ -32,12 +35,18 @@ def leaving(system: System, z: np.ndarray, radius: float) -> list[np.ndarray]:
         offset = radius * (np.cos(angle) * plane[0] + np.sin(angle) * plane[1])
         point = system.move(z, offset)
         for _ in range(ITERATIONS):
-            values, matrix = system.evaluate(point, frame)
+            try:
+                values, matrix = system.evaluate(point, frame)
+            except np.linalg.LinAlgError:
+                return None
             rest = kept @ values
             if np.abs(rest).max(initial=0.0) < 1e2 * SOLVED:
                 return float(left @ values), point
             square = np.vstack([kept @ matrix, plane])
-            step = np.linalg.solve(square, np.append(-rest, [0.0, 0.0]))
+            try:
+                step = np.linalg.solve(square, np.append(-rest, [0.0, 0.0]))
+            except np.linalg.LinAlgError:
+                return None
             if np.linalg.norm(step) > radius:
                 return None
             point = system.move(point, step)

@@ -13,6 +13,8 @@ DEPENDENT = 1e-10  # the same for rows that are no longer independent on the set
 CONTRACTION = 0.4  # of successive corrector steps
 ITERATIONS = 8
 RANK = 1e-9
+SHARES = (1.0, 0.4, 0.15)  # of a step, until the largest row falls
+SLOPE = 0.1  # share of the way to zero by which it has to
 
 
 class System(Protocol):
@@ -77,17 +79,19 @@ def settle(
     longest: float = 0.3,
     iterations: int = 25,
     tolerance: float = SOLVED,
+    careful: bool = False,
 ) -> np.ndarray | None:
     """Solution near a point by damped Gauss-Newton steps of least norm, or None.
 
-    ``held`` adds rows: the unknown of a bound at a value.
+    ``held`` adds rows: the unknown of a bound at a value. ``careful`` shortens steps until the
+    largest row falls: for starts that are far away.
     """
     last = np.inf
+    found = _evaluated(system, z)
     for _ in range(iterations):
-        try:
-            values, jacobian = system.evaluate(z, system.frame(z))
-        except np.linalg.LinAlgError:
+        if found is None:
             return None  # not even a frame makes the equations regular here
+        values, jacobian = found
         for bound, value in held:
             row = np.zeros((1, system.size))
             row[0, bound.column] = 1.0
@@ -103,8 +107,30 @@ def settle(
         size = float(np.linalg.norm(step))
         if not np.isfinite(size) or size < 1e-15:
             return None
-        z = system.move(z, step * min(1.0, longest / size))
+        step *= min(1.0, longest / size)
+        if not careful:
+            z = system.move(z, step)
+            found = _evaluated(system, z)
+            continue
+        for share in SHARES:
+            there = system.move(z, share * step)
+            found = _evaluated(system, there)
+            if (
+                found is not None
+                and np.abs(found[0]).max(initial=0.0) < (1.0 - SLOPE * share) * worst
+            ):
+                break
+        else:
+            return None  # a least value that is not zero
+        z = there
     return None
+
+
+def _evaluated(system: System, z: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
+    try:
+        return system.evaluate(z, system.frame(z))
+    except np.linalg.LinAlgError:
+        return None
 
 
 def correct_across(
@@ -113,7 +139,10 @@ def correct_across(
     """Newton's method across the tangent of ``here``; point, Jacobian, first step; or None."""
     first = last = np.inf
     for count in range(ITERATIONS):
-        values, jacobian = system.evaluate(z, here.frame)
+        try:
+            values, jacobian = system.evaluate(z, here.frame)
+        except np.linalg.LinAlgError:
+            return None  # the frame does not suit the point any more
         every = float(np.abs(values).max(initial=0.0))
         if here.squeeze is not None:
             values, jacobian = here.squeeze @ values, here.squeeze @ jacobian

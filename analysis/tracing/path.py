@@ -22,6 +22,7 @@ from closedchain.analysis.tracing.crossing import crossing_within
 __all__ = ["Bound", "Path", "System", "settle", "tangents", "trace"]
 
 TURN = 0.25  # rad: largest change of the tangent in a step
+ARRIVED = 1e-9  # dimensionless: a point nearer to a bound than this lies on it
 SMALLEST = 1e-6  # dimensionless step below which the curve counts as ended
 
 
@@ -98,7 +99,10 @@ def trace(
         hit = _first_bound(here.z, z, bounds)
         if hit is not None:
             landed = settle(system, z, [hit[1]])
-            if landed is not None and np.linalg.norm(system.difference(here.z, landed)) < 3.0 * h:
+            gap = np.inf
+            if landed is not None:
+                gap = float(np.linalg.norm(system.difference(here.z, landed)))
+            if landed is not None and ARRIVED < gap < 3.0 * h:
                 points.append(landed)
                 return Path(points, hit[0], crossings)
             return Path(points, hit[0], crossings)
@@ -135,9 +139,15 @@ def _reach(tangent: np.ndarray, longest: np.ndarray) -> float:
 
 
 def _at(system: System, z: np.ndarray, towards: np.ndarray) -> Here | None:
-    """Frame, tangent and orientation at a point; None where the tangent is not unique."""
+    """Frame, tangent and orientation at a point; None where the tangent is not unique.
+
+    None as well where not even the frame makes the equations regular.
+    """
     frame = system.frame(z)
-    _, jacobian = system.evaluate(z, frame)
+    try:
+        _, jacobian = system.evaluate(z, frame)
+    except np.linalg.LinAlgError:
+        return None
     u, s, vt = np.linalg.svd(jacobian)
     rank = system.size - 1
     if len(s) < rank or s[rank - 1] < RANK * s[0]:

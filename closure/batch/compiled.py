@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
-from collections.abc import Callable
+import threading
+from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -47,10 +49,48 @@ def _compile(function: Callable[..., Any], *, counting: bool) -> Any:
     compiled = compile_(cache=True, nogil=True, error_model="numpy", fastmath=_FAST, _nrt=counting)(
         function
     )
-    index = getattr(getattr(compiled, "_cache", None), "_cache_file", None)
+    kept: Any = getattr(compiled, "_cache", None)
+    index = getattr(kept, "_cache_file", None)
     if index is not None:
         index._source_stamp = _stamp()
+        compile_one = compiled.compile
+
+        def compile_alone(signature: Any) -> Any:
+            with _alone(Path(kept.cache_path)):
+                return compile_one(signature)
+
+        compiled.compile = compile_alone
     return compiled
+
+
+_turn = threading.RLock()
+_holding: list[Path] = []
+
+
+@contextlib.contextmanager
+def _alone(folder: Path) -> Iterator[None]:
+    """Let one process compile at a time; the others then load what it has written.
+
+    Two compilations of one source may order sums differently. With the machine code of one of
+    them in all processes, all of them give the same bits.
+    """
+    with _turn:
+        if _holding:  # a kernel within a kernel
+            yield
+            return
+        with contextlib.ExitStack() as held:
+            # where nothing can be locked (Windows) or written, there is nothing to share
+            with contextlib.suppress(ImportError, OSError):
+                import fcntl
+
+                folder.mkdir(parents=True, exist_ok=True)
+                file = held.enter_context((folder / "compiling.lock").open("w"))
+                fcntl.flock(file, fcntl.LOCK_EX)
+            _holding.append(folder)
+            try:
+                yield
+            finally:
+                _holding.clear()
 
 
 def is_ready(compiled: Any) -> bool:

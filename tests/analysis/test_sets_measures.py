@@ -32,7 +32,7 @@ def test_corner_vanishes_where_the_rank_drops(shape: tuple[int, int]) -> None:
     s[-1] = 0.0
     dropped = (u[:, : s.size] * s) @ vt[: s.size]
     g, _, _ = corner(dropped, borders)
-    assert g.shape == (shape[1] - shape[0] + 1,)
+    assert g.shape == (1, shape[1] - shape[0] + 1)
     assert np.abs(g).max() < 1e-14
     assert np.abs(corner(a, borders)[0]).max() > 1e-3
     rows = rng.standard_normal(shape)

@@ -55,7 +55,7 @@ def test_squared_factor_gives_a_curve(polar: cc.Mechanism, radii: np.ndarray) ->
     r, lean = found.coordinates[piece].T
     assert np.abs(r).max() < 1e-9
     steps = np.diff(lean)
-    assert abs(np.sign(steps).sum()) == LEAN.size - 1  # in order
+    assert abs(np.sign(steps).sum()) == steps.size >= LEAN.size - 1  # in order
     assert (lean.min(), lean.max()) == pytest.approx((LEAN[0], LEAN[-1]))
 
 
