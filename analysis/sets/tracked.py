@@ -27,6 +27,7 @@ MOST_CURVES = 200
 MOST_RANKS = 3  # that are looked for together
 ALIKE = 5.0  # of the least singular value: others up to there may vanish with it
 SMALL = 0.1  # of the largest one: if they are below that
+UPRIGHT = 1e-4  # share of the coordinates in a direction that leaves them alone
 VANISHED = 1e-7  # of the largest singular value, at a solution
 BESIDE = 1e-2  # dimensionless: from a solution to where more ranks are lost
 SAME = 1e-3  # dimensionless: branch points nearer to each other than this are one
@@ -233,7 +234,11 @@ class Tracker:
         """Note a solution with degenerate equations, and the dimension of the set around it."""
         self.flat.append(z)
         whole, seen = dimensions(self.system, z, basis)
-        self.above = max(self.above, whole - seen)
+        # at a crossing, steps along several curves look like more than they are: a self-motion
+        # also needs directions that leave the coordinates alone
+        shares = np.linalg.svd(basis[self.system.mechanism.model.nv :], compute_uv=False)
+        upright = basis.shape[1] - int(np.count_nonzero(shares > UPRIGHT))
+        self.above = max(self.above, min(whole - seen, upright))
         if seen < len(self.system.chart.names):  # else every posture were singular
             self.degenerate = max(self.degenerate, seen)
 
