@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from closedchain.analysis.first_order import FirstOrder, first_order
-from closedchain.analysis.mobility import generic_rank
-from closedchain.analysis.singularities import SINGULAR
+from closedchain.analysis.singularity.classify import SINGULAR
+from closedchain.analysis.structure.mobility import generic_rank
 from closedchain.analysis.velocity import velocity
 from closedchain.closure.mechanism import Mechanism, finite_vector
 from closedchain.closure.ranks import Rank, null_space

@@ -17,7 +17,7 @@ import numpy as np
 import closedchain as cc
 from benchmarks.timing import Row
 from closedchain.analysis.first_order import first_order
-from closedchain.analysis.singularities import determinants
+from closedchain.analysis.singularity.classify import determinants
 from closedchain.closure.batch import OK, UNSEEN, Batch
 from closedchain.closure.chart import Chart
 from closedchain.closure.charting import chart_of, straight

@@ -6,7 +6,6 @@ import textwrap
 from dataclasses import dataclass
 from itertools import takewhile
 
-from closedchain.analysis.mobility import PAIR_SYMBOLS, is_cross_link
 from closedchain.analysis.structure.graph import (
     Edge,
     Walk,
@@ -15,6 +14,7 @@ from closedchain.analysis.structure.graph import (
     nodes_of,
     short_cycles,
 )
+from closedchain.analysis.structure.mobility import PAIR_SYMBOLS, is_cross_link
 from closedchain.closure.kinds import FREEDOMS
 from closedchain.closure.mechanism import Mechanism
 from closedchain.urdf.description import Description, Joint

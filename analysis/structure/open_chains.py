@@ -10,7 +10,7 @@ from __future__ import annotations
 import textwrap
 from dataclasses import dataclass
 
-from closedchain.analysis.twists import symbol
+from closedchain.analysis.screws.twists import symbol
 from closedchain.closure.ranks import Rank
 
 

@@ -17,8 +17,8 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
+from closedchain.analysis.screws.twists import TwistSpace, rank_against, symbol, twist_space
 from closedchain.analysis.structure.postures import tangent, wander
-from closedchain.analysis.twists import TwistSpace, rank_against, symbol, twist_space
 from closedchain.closure.mechanism import Mechanism, TaskFrame
 from closedchain.closure.ranks import Rank
 from closedchain.closure.task import task_jacobian

@@ -7,10 +7,10 @@ from functools import lru_cache
 
 import numpy as np
 
+from closedchain.analysis.screws.twists import TwistSpace, twist_space
 from closedchain.analysis.structure.composites import Element
 from closedchain.analysis.structure.loops import LoopGraph
 from closedchain.analysis.structure.pair_screws import PairScrews
-from closedchain.analysis.twists import TwistSpace, twist_space
 
 
 class SubMechanisms:

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from closedchain.analysis.maps.grid import OK
-from closedchain.analysis.maps.mapping import singularity_map
+from closedchain.analysis.singularity.maps.grid import OK
+from closedchain.analysis.singularity.maps.mapping import singularity_map
 from closedchain.closure.chart import Chart, joint_index
 from closedchain.closure.charting import chart_of
 from closedchain.closure.mechanism import Mechanism

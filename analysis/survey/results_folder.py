@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from closedchain.analysis.figures.drawing import draw_survey
-from closedchain.analysis.sets.singular_set import SingularitySet
+from closedchain.analysis.singularity.sets.singular_set import SingularitySet
 from closedchain.analysis.survey.set_tables import SavedSet, read_table, table
 from closedchain.analysis.survey.surveying import Survey
 from closedchain.urdf.errors import ClosureError
@@ -105,7 +105,7 @@ def read_results(folder: Path) -> Results:
 
 def _stored_map(folder: Path) -> Results:
     """Map that ``singularity_map`` saved."""
-    from closedchain.analysis.maps.saving import opened
+    from closedchain.analysis.singularity.maps.saving import opened
 
     try:
         labels = json.loads((folder / "zarr.json").read_text(encoding="utf-8"))

@@ -12,7 +12,7 @@ from closedchain.urdf.errors import ClosureError
 if TYPE_CHECKING:
     import xarray as xr
 
-    from closedchain.analysis.sets.singular_set import SingularitySet
+    from closedchain.analysis.singularity.sets.singular_set import SingularitySet
 
 KIND_FLAGS = {"direct": 1, "inverse": 2, "constraint": 4}
 """Bits of the variable ``kinds`` of a table."""

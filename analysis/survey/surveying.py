@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from closedchain.analysis.maps.grid import STATUSES, Progress, grid_of
-from closedchain.analysis.maps.mapping import singularity_map
 from closedchain.analysis.redundancy import Redundancy, redundancy
-from closedchain.analysis.sets.finding import set_of
-from closedchain.analysis.sets.lattice import Lattice, lattice_of
-from closedchain.analysis.sets.meeting import meeting
-from closedchain.analysis.sets.singular_set import KINDS, SingularitySet
+from closedchain.analysis.singularity.maps.grid import STATUSES, Progress, grid_of
+from closedchain.analysis.singularity.maps.mapping import singularity_map
+from closedchain.analysis.singularity.sets.finding import set_of
+from closedchain.analysis.singularity.sets.lattice import Lattice, lattice_of
+from closedchain.analysis.singularity.sets.meeting import meeting
+from closedchain.analysis.singularity.sets.singular_set import KINDS, SingularitySet
 from closedchain.analysis.survey.plan import (
     Names,
     Range,

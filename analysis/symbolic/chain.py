@@ -8,7 +8,7 @@ from fractions import Fraction
 
 import numpy as np
 
-from closedchain.analysis.circuits.network import column_names
+from closedchain.analysis.screws.network import column_names
 from closedchain.analysis.structure.loops import LoopGraph, Pair
 from closedchain.analysis.symbolic.exact import exact_or_rounded
 from closedchain.analysis.symbolic.parameters import Affine, Sizes, law_angle

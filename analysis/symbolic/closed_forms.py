@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from closedchain.analysis.circuits.leg_graph import LegChain
-from closedchain.analysis.circuits.legs import _structure
+from closedchain.analysis.screws.leg_graph import LegChain
+from closedchain.analysis.screws.legs import _structure
 from closedchain.analysis.structure.loops import LoopGraph
 from closedchain.analysis.symbolic.chain import Chains
 from closedchain.analysis.symbolic.context import Context, input_names

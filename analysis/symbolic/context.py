@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from fractions import Fraction
 
-from closedchain.analysis.circuits.drives import drives_of
+from closedchain.analysis.screws.drives import drives_of
 from closedchain.analysis.symbolic.chain import Chains
 from closedchain.analysis.symbolic.express import Expr, Symbols
 from closedchain.analysis.symbolic.factors import factored

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from fractions import Fraction
 from math import isqrt
 
-from closedchain.analysis.circuits.drives import Drive
-from closedchain.analysis.circuits.leg_graph import LegChain
+from closedchain.analysis.screws.drives import Drive
+from closedchain.analysis.screws.leg_graph import LegChain
 from closedchain.analysis.structure.composites import Element as PairElement
 from closedchain.analysis.symbolic.chain import Chains
 from closedchain.analysis.symbolic.factors import primitive

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from closedchain.analysis.circuits.leg_graph import LegChain, LegGraph
+from closedchain.analysis.screws.leg_graph import LegChain, LegGraph
 from closedchain.analysis.structure.loops import LoopGraph
 from closedchain.analysis.symbolic.chain import Chains
 from closedchain.analysis.symbolic.legforms import LegForms, signed

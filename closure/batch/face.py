@@ -81,7 +81,7 @@ class Batch:
         -------
         dict
             "residual" (n,): largest closure row [m, rad]; "det_direct" and "det_inverse" (n,),
-            where K_p and [K; J] are square, as in ``analysis.singularities.determinants``.
+            where K_p and [K; J] are square, as in ``analysis.singularity.classify.determinants``.
         """
         return self._measure(Q, full=False)
 

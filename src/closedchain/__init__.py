@@ -22,55 +22,61 @@ from closedchain.urdf.errors import ClosedChainError, ClosureError, DescriptionE
 
 if TYPE_CHECKING:
     from closedchain.analysis.acceleration import Acceleration, acceleration
-    from closedchain.analysis.accelerators import Accelerators, accelerators
-    from closedchain.analysis.circuits.legs import LegVelocity, leg_velocity
-    from closedchain.analysis.circuits.network import Network, network
-    from closedchain.analysis.follow import Comparison, ComparisonRow, Follow, compare, follow
-    from closedchain.analysis.follow.task_path import TaskPath, read_task_path, task_path
-    from closedchain.analysis.hessian import Hessian, hessian
-    from closedchain.analysis.maps.mapping import singularity_map
-    from closedchain.analysis.mobility import Mobility, mobility
+    from closedchain.analysis.motion.follow import (
+        Comparison,
+        ComparisonRow,
+        Follow,
+        compare,
+        follow,
+    )
+    from closedchain.analysis.motion.follow.task_path import TaskPath, read_task_path, task_path
+    from closedchain.analysis.motion.self_motion.motion import SelfMotion, self_motion
+    from closedchain.analysis.motion.track.stops import Stop
+    from closedchain.analysis.motion.track.tracking import Track, track
     from closedchain.analysis.redundancy import Redundancy, Split, redundancy
-    from closedchain.analysis.self_motion.motion import SelfMotion, self_motion
-    from closedchain.analysis.sets.finding import singularity_set
-    from closedchain.analysis.sets.singular_set import SingularitySet
-    from closedchain.analysis.singularities import Classification, classify
+    from closedchain.analysis.screws.accelerators import Accelerators, accelerators
+    from closedchain.analysis.screws.hessian import Hessian, hessian
+    from closedchain.analysis.screws.legs import LegVelocity, leg_velocity
+    from closedchain.analysis.screws.network import Network, network
+    from closedchain.analysis.singularity.classify import Classification, classify
+    from closedchain.analysis.singularity.maps.mapping import singularity_map
+    from closedchain.analysis.singularity.sets.finding import singularity_set
+    from closedchain.analysis.singularity.sets.singular_set import SingularitySet
     from closedchain.analysis.structure.dependence import Dependence, dependence
     from closedchain.analysis.structure.loops import LoopGraph, loops
+    from closedchain.analysis.structure.mobility import Mobility, mobility
     from closedchain.analysis.structure.open_chains import Structure
     from closedchain.analysis.structure.poc import Poc, poc
     from closedchain.analysis.structure.topology import structure
     from closedchain.analysis.symbolic import SymbolicSingularities, symbolic_singularities
-    from closedchain.analysis.track.stops import Stop
-    from closedchain.analysis.track.tracking import Track, track
     from closedchain.analysis.velocity import Velocity, velocity
 
 __version__ = "0.1.0"
 
 # What is asked of a mechanism is imported when it is first asked, so that loading stays quick.
 _ANALYSIS = {
-    "track.stops": "Stop",
+    "motion.track.stops": "Stop",
     "acceleration": "Acceleration acceleration",
-    "accelerators": "Accelerators accelerators",
+    "screws.accelerators": "Accelerators accelerators",
     "structure.dependence": "Dependence dependence",
-    "follow": "Comparison ComparisonRow Follow compare follow",
-    "follow.task_path": "TaskPath read_task_path task_path",
-    "hessian": "Hessian hessian",
-    "circuits.legs": "LegVelocity leg_velocity",
+    "motion.follow": "Comparison ComparisonRow Follow compare follow",
+    "motion.follow.task_path": "TaskPath read_task_path task_path",
+    "screws.hessian": "Hessian hessian",
+    "screws.legs": "LegVelocity leg_velocity",
     "structure.loops": "LoopGraph loops",
-    "maps.mapping": "singularity_map",
-    "mobility": "Mobility mobility",
-    "circuits.network": "Network network",
+    "singularity.maps.mapping": "singularity_map",
+    "structure.mobility": "Mobility mobility",
+    "screws.network": "Network network",
     "structure.open_chains": "Structure",
     "structure.poc": "Poc poc",
     "redundancy": "Redundancy Split redundancy",
-    "self_motion.motion": "SelfMotion self_motion",
-    "sets.finding": "singularity_set",
-    "sets.singular_set": "SingularitySet",
-    "singularities": "Classification classify",
+    "motion.self_motion.motion": "SelfMotion self_motion",
+    "singularity.sets.finding": "singularity_set",
+    "singularity.sets.singular_set": "SingularitySet",
+    "singularity.classify": "Classification classify",
     "structure.topology": "structure",
     "symbolic": "SymbolicSingularities symbolic_singularities",
-    "track.tracking": "Track track",
+    "motion.track.tracking": "Track track",
     "velocity": "Velocity velocity",
 }
 _MODULES = {name: module for module, names in _ANALYSIS.items() for name in names.split()}

@@ -159,7 +159,7 @@ def resolution(wanted: Slices, everywhere: int | None) -> dict[str, int] | int |
 
 def kinds(words: Sequence[str]) -> tuple[str, ...]:
     """Kinds of singularity, all of them by default. Raises ``BadArgumentError``."""
-    from closedchain.analysis.sets.singular_set import KINDS
+    from closedchain.analysis.singularity.sets.singular_set import KINDS
 
     for word in words:
         if word not in (*KINDS, "all"):

@@ -17,7 +17,7 @@ from closedchain._terminal import fail
 from closedchain.urdf.errors import known_names
 
 if TYPE_CHECKING:
-    from closedchain.analysis.follow import Comparison, Follow, TaskPath
+    from closedchain.analysis.motion.follow import Comparison, Follow, TaskPath
 
 
 def follow(
@@ -85,8 +85,8 @@ def follow(
     Where it cannot be followed, says when and why, writes what was reached, and ends with 1.
     """
     import closedchain as cc
-    from closedchain.analysis.follow.following import METHODS
-    from closedchain.analysis.follow.objectives import OBJECTIVES
+    from closedchain.analysis.motion.follow.following import METHODS
+    from closedchain.analysis.motion.follow.objectives import OBJECTIVES
     from closedchain.analysis.progress import reporting
     from closedchain.robots.named_tasks import task_outputs
 
@@ -129,7 +129,7 @@ def write(
 ) -> dict[str, Path]:
     """Write the results of a run; return the paths by name. Raises ``OSError``."""
     from closedchain._follow_page import follow_page
-    from closedchain.analysis.follow.figures import draw_follow, draw_inputs
+    from closedchain.analysis.motion.follow.figures import draw_follow, draw_inputs
 
     others = {} if comparison is None else _others(comparison, run)
     title = f"{run.problem.mechanism.name}, {task.name}"

@@ -17,7 +17,7 @@ from closedchain.robots.viewer import (
 )
 
 if TYPE_CHECKING:
-    from closedchain.analysis.follow import Follow, TaskPath
+    from closedchain.analysis.motion.follow import Follow, TaskPath
 
 GREY = "#888888"
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from closedchain._terminal import pairs, print_json, say, table
 
 if TYPE_CHECKING:
-    from closedchain.analysis.follow import Comparison, Follow, TaskPath
+    from closedchain.analysis.motion.follow import Comparison, Follow, TaskPath
 
 _SIGMAS = ("sigma_direct", "sigma_driven", "sigma_inverse")
 

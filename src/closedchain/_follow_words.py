@@ -10,7 +10,7 @@ from closedchain._arguments import BadArgumentError, number, positive
 from closedchain.urdf.errors import known_names
 
 if TYPE_CHECKING:
-    from closedchain.analysis.follow import TaskPath
+    from closedchain.analysis.motion.follow import TaskPath
     from closedchain.closure import Mechanism
 
 CSV_HELP = (

@@ -11,7 +11,7 @@ from closedchain._terminal import pairs, print_json, say, table
 if TYPE_CHECKING:
     import numpy as np
 
-    from closedchain.analysis.singularities import Classification
+    from closedchain.analysis.singularity.classify import Classification
     from closedchain.analysis.survey.surveying import Survey
     from closedchain.closure import Mechanism, Solution
 

@@ -13,7 +13,7 @@ from closedchain.analysis.survey.set_tables import polylines
 from closedchain.robots.viewer import Markers, Overlay, Polyline, Surface, boxed, static_page
 
 if TYPE_CHECKING:
-    from closedchain.analysis.sets.singular_set import SingularitySet
+    from closedchain.analysis.singularity.sets.singular_set import SingularitySet
     from closedchain.analysis.survey.surveying import Slice, Survey
     from closedchain.closure import Mechanism
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import cache
 
 import closedchain as cc
-from closedchain.analysis.follow import (
+from closedchain.analysis.motion.follow import (
     Comparison,
     TaskPath,
     compare,

@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 
 import closedchain as cc
-from closedchain.analysis.sets.bordered import Measure
-from closedchain.analysis.sets.singular_set import wanted
-from closedchain.analysis.sets.slices import Slice
-from closedchain.analysis.tracing.path import Bound, settle
+from closedchain.analysis.singularity.sets.bordered import Measure
+from closedchain.analysis.singularity.sets.singular_set import wanted
+from closedchain.analysis.singularity.sets.slices import Slice
+from closedchain.analysis.singularity.tracing.path import Bound, settle
 from closedchain.closure import mechanism_from_description
 
 RESIDUAL = 1e-10

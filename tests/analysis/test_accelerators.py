@@ -14,7 +14,8 @@ from conftest import Tolerances, assert_close
 from linkages import Cut, J
 
 import closedchain as cc
-from closedchain.analysis.accelerators import (
+from closedchain.analysis.screws import from_motion, lie, revolute
+from closedchain.analysis.screws.accelerators import (
     Accelerators,
     accelerators,
     composed,
@@ -25,7 +26,6 @@ from closedchain.analysis.accelerators import (
     to_classical,
     to_spatial,
 )
-from closedchain.analysis.screws import from_motion, lie, revolute
 from closedchain.analysis.structure.graph import reverse
 from closedchain.analysis.structure.loops import loops
 from closedchain.analysis.structure.postures import wander

@@ -9,7 +9,7 @@ from conftest import assert_close
 from d1_follows import AXIS_TASK, d1_comparison, d1_robot, d1_task
 
 import closedchain as cc
-from closedchain.analysis.follow import follow
+from closedchain.analysis.motion.follow import follow
 from closedchain.robots.d1 import geometry, vertical_tool
 
 CLOSED = 1e-12
@@ -230,7 +230,7 @@ def _at(x: float, y: float, z: float) -> pin.SE3:
 
 def test_tilted_tools() -> None:
     """A cone of tool axes, tip at rest: any spin about the tool is left to the mechanism."""
-    from closedchain.analysis.follow import task_path
+    from closedchain.analysis.motion.follow import task_path
 
     m = d1_robot()
     times = np.linspace(0.0, 2.0, 41)

@@ -10,7 +10,7 @@ from conftest import assert_close
 from d1_follows import AXIS_TASK, d1_robot, d1_task
 
 import closedchain as cc
-from closedchain.analysis.follow.figures import draw_follow, draw_inputs
+from closedchain.analysis.motion.follow.figures import draw_follow, draw_inputs
 
 COARSE = ("hexagon", 2)
 

@@ -14,14 +14,14 @@ from conftest import Tolerances, assert_close
 from d1_follows import AXIS_TASK, d1_robot, d1_task
 
 import closedchain as cc
-from closedchain.analysis.follow import follow, read_task_path, task_path
-from closedchain.analysis.follow.bounding import excess, rows_of, within
-from closedchain.analysis.follow.objectives import objective_of
-from closedchain.analysis.follow.postures import posture
-from closedchain.analysis.follow.problem import Problem, bounds_of
-from closedchain.analysis.follow.stepping import corrected
-from closedchain.analysis.follow.task_path import as_route, tool_axis
-from closedchain.analysis.singularities import classify
+from closedchain.analysis.motion.follow import follow, read_task_path, task_path
+from closedchain.analysis.motion.follow.bounding import excess, rows_of, within
+from closedchain.analysis.motion.follow.objectives import objective_of
+from closedchain.analysis.motion.follow.postures import posture
+from closedchain.analysis.motion.follow.problem import Problem, bounds_of
+from closedchain.analysis.motion.follow.stepping import corrected
+from closedchain.analysis.motion.follow.task_path import as_route, tool_axis
+from closedchain.analysis.singularity.classify import classify
 
 
 def problem_at(q: np.ndarray, locked: tuple[str, ...] = (), **bounds: Any) -> Problem:

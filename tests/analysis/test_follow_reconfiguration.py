@@ -11,7 +11,7 @@ from conftest import assert_close
 from overdriven import overdriven_eclipse
 
 import closedchain as cc
-from closedchain.analysis.follow import compare, follow
+from closedchain.analysis.motion.follow import compare, follow
 from closedchain.robots import rus6
 
 load = cache(cc.load)

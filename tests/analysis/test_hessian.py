@@ -10,10 +10,10 @@ import pytest
 from conftest import assert_close
 
 import closedchain as cc
-from closedchain.analysis.accelerators import accelerators
-from closedchain.analysis.circuits.chains import Circuits, circuits
-from closedchain.analysis.hessian import hessian, limb_hessian
 from closedchain.analysis.screws import lie, shifted
+from closedchain.analysis.screws.accelerators import accelerators
+from closedchain.analysis.screws.chains import Circuits, circuits
+from closedchain.analysis.screws.hessian import hessian, limb_hessian
 from closedchain.analysis.structure.postures import wander
 from closedchain.robots import linear_delta as ld
 

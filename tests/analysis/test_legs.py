@@ -11,7 +11,7 @@ from linkages import J, arm_with_parallelogram, five_bar, four_bar, three_rrr, u
 
 import closedchain as cc
 from closedchain.analysis import screws
-from closedchain.analysis.circuits.legs import Leg, LegVelocity, leg_velocity
+from closedchain.analysis.screws.legs import Leg, LegVelocity, leg_velocity
 from closedchain.analysis.structure.postures import wander
 from closedchain.robots import d1, eclipse, linear_delta, rus6
 from closedchain.robots.d1 import screws as d1_screws

@@ -10,7 +10,7 @@ import xarray as xr
 from conftest import Tolerances, assert_close
 
 import closedchain as cc
-from closedchain.analysis.maps.grid import (
+from closedchain.analysis.singularity.maps.grid import (
     JOINT_LIMIT,
     NOT_CONVERGED,
     OK,

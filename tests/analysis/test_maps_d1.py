@@ -11,7 +11,7 @@ import xarray as xr
 from conftest import Tolerances
 
 import closedchain as cc
-from closedchain.analysis.maps.grid import STATUSES
+from closedchain.analysis.singularity.maps.grid import STATUSES
 from closedchain.analysis.survey.results_folder import write_survey
 from closedchain.analysis.survey.surveying import Survey, survey
 from closedchain.robots.d1 import forward, geometry

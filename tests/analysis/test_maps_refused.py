@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import closedchain as cc
-from closedchain.analysis.maps import storage
+from closedchain.analysis.singularity.maps import storage
 
 
 @pytest.mark.parametrize(

@@ -15,8 +15,8 @@ import pytest
 import xarray as xr
 
 import closedchain as cc
-from closedchain.analysis.maps.rounds import lattice_of
-from closedchain.analysis.maps.tiles import TILE_CELLS, Tiles, tiles_of
+from closedchain.analysis.singularity.maps.rounds import lattice_of
+from closedchain.analysis.singularity.maps.tiles import TILE_CELLS, Tiles, tiles_of
 
 OVER = {"q1": np.linspace(-0.9, 0.3, 13), "q2": np.linspace(-0.9, 0.3, 11)}
 AT = {"q3": -0.6}
@@ -75,9 +75,9 @@ def test_work_pickles(delta: cc.Mechanism) -> None:
     """What goes to workers in other processes arrives as it was sent."""
     import pickle
 
-    from closedchain.analysis.maps.anchor import anchor_of
-    from closedchain.analysis.maps.grid import OK, UNSEEN, grid_of
-    from closedchain.analysis.maps.spreading import Job, Task, work
+    from closedchain.analysis.singularity.maps.anchor import anchor_of
+    from closedchain.analysis.singularity.maps.grid import OK, UNSEEN, grid_of
+    from closedchain.analysis.singularity.maps.spreading import Job, Task, work
 
     grid = grid_of(delta, OVER, AT)
     tiles = tiles_of(grid.shape, 4, grid.names)
@@ -274,9 +274,9 @@ def test_other_branches_are_sought_all_over_the_grid(shape: tuple[int, ...]) -> 
 
 def test_ways_that_end_for_no_reason_are_not_converged() -> None:
     """A cell is unreachable where a way in ended at a singularity, or none was tried."""
-    from closedchain.analysis.maps.grid import NOT_CONVERGED, OK, UNREACHABLE
-    from closedchain.analysis.maps.storage import in_memory
-    from closedchain.analysis.maps.tiles import Found
+    from closedchain.analysis.singularity.maps.grid import NOT_CONVERGED, OK, UNREACHABLE
+    from closedchain.analysis.singularity.maps.storage import in_memory
+    from closedchain.analysis.singularity.maps.tiles import Found
     from closedchain.closure.batch.codes import FOLD, STUCK
 
     store = in_memory(Tiles((6,), (6,)), (), 3, keep_q=False)
@@ -290,7 +290,7 @@ def test_ways_that_end_for_no_reason_are_not_converged() -> None:
 
 
 def test_folds_are_told_from_regular_ways(delta: cc.Mechanism) -> None:
-    from closedchain.analysis.maps.cells import ReferenceCells
+    from closedchain.analysis.singularity.maps.cells import ReferenceCells
     from closedchain.closure.charting import chart_of
 
     chart = chart_of(delta, ("x", "y"))

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 import closedchain as cc
 from closedchain.analysis import screws
-from closedchain.analysis.circuits.network import VIRTUAL, Network, network
+from closedchain.analysis.screws.network import VIRTUAL, Network, network
 from closedchain.analysis.structure.postures import wander
 from closedchain.robots.eclipse import ECLIPSE, inverse, trajectory, wrist_angles
 from closedchain.robots.eclipse import screws as eclipse

@@ -10,7 +10,7 @@ import pytest
 from conftest import Tolerances, assert_close
 
 import closedchain as cc
-from closedchain.analysis.self_motion.motion import SelfMotion, self_motion
+from closedchain.analysis.motion.self_motion.motion import SelfMotion, self_motion
 
 
 def five_bar_at(a: float, e: float) -> tuple[cc.Mechanism, np.ndarray]:
@@ -110,7 +110,7 @@ def test_loop_of_a_double_rocker_is_cut_where_the_rods_align(tol: Tolerances) ->
 
 def test_loop_with_one_mark_opens_at_it(tol: Tolerances) -> None:
     """Cut by hand: the part between neighbouring marks, from one mark back to it if alone."""
-    from closedchain.analysis.self_motion.curve import Curve, driven
+    from closedchain.analysis.motion.self_motion.curve import Curve, driven
 
     points = tuple(np.array([float(i)]) for i in range(10))
     alone = driven(Curve(points, 2, ("closed", "closed"), (5,), (7,)))

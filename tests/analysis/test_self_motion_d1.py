@@ -10,7 +10,7 @@ import pytest
 from conftest import Tolerances, assert_close
 
 import closedchain as cc
-from closedchain.analysis.self_motion.motion import SelfMotion, self_motion
+from closedchain.analysis.motion.self_motion.motion import SelfMotion, self_motion
 from closedchain.closure.charting import chart_of, straight
 from closedchain.closure.continuation import follow
 from closedchain.closure.equations import correct

@@ -8,7 +8,7 @@ import pytest
 from conftest import Tolerances, assert_close
 
 import closedchain as cc
-from closedchain.analysis.self_motion.motion import SelfMotion, self_motion
+from closedchain.analysis.motion.self_motion.motion import SelfMotion, self_motion
 from closedchain.robots.rus6 import Pose, geometry, inverse, mode_of, posture, rotation_ypr
 
 G = geometry()

@@ -9,12 +9,12 @@ import pytest
 from singular_points import check_points, joint
 
 import closedchain as cc
-from closedchain.analysis.sets.bordered import Measure, corner
-from closedchain.analysis.sets.curves import is_everywhere
-from closedchain.analysis.sets.slices import Slice
-from closedchain.analysis.tracing.corrector import settle
-from closedchain.analysis.tracing.joining import joined
-from closedchain.analysis.tracing.path import Bound, tangents, trace
+from closedchain.analysis.singularity.sets.bordered import Measure, corner
+from closedchain.analysis.singularity.sets.curves import is_everywhere
+from closedchain.analysis.singularity.sets.slices import Slice
+from closedchain.analysis.singularity.tracing.corrector import settle
+from closedchain.analysis.singularity.tracing.joining import joined
+from closedchain.analysis.singularity.tracing.path import Bound, tangents, trace
 from closedchain.closure.charting import chart_of
 
 EDGE = "edge of the range"

@@ -7,10 +7,10 @@ import pytest
 from singular_points import check_points
 
 import closedchain as cc
-from closedchain.analysis.maps.grid import OK
-from closedchain.analysis.sets.bordered import Measure
-from closedchain.analysis.sets.slices import Slice
-from closedchain.analysis.tracing.path import settle
+from closedchain.analysis.singularity.maps.grid import OK
+from closedchain.analysis.singularity.sets.bordered import Measure
+from closedchain.analysis.singularity.sets.slices import Slice
+from closedchain.analysis.singularity.tracing.path import settle
 from closedchain.closure.charting import chart_of
 from closedchain.robots.d1 import Pose, geometry, planes1, planes2, scaled_screws
 

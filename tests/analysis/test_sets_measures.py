@@ -7,10 +7,10 @@ import pinocchio as pin
 import pytest
 
 import closedchain as cc
-from closedchain.analysis.sets.bordered import Measure, corner
-from closedchain.analysis.sets.postures_at import kinematics
-from closedchain.analysis.sets.slices import Slice
-from closedchain.analysis.singularities import row_combination
+from closedchain.analysis.singularity.classify import row_combination
+from closedchain.analysis.singularity.sets.bordered import Measure, corner
+from closedchain.analysis.singularity.sets.postures_at import kinematics
+from closedchain.analysis.singularity.sets.slices import Slice
 from closedchain.closure.charting import chart_of
 
 ROBOTS = ("d1", "eclipse", "eclipse2", "rpa3t", "linear_delta", "rus6")

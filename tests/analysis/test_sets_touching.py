@@ -8,13 +8,13 @@ from linkages import J, load
 from singular_points import check_points
 
 import closedchain as cc
-from closedchain.analysis.maps.grid import grid_of
-from closedchain.analysis.sets.bordered import Measure
-from closedchain.analysis.sets.classifying import classified
-from closedchain.analysis.sets.edges import on_edges
-from closedchain.analysis.sets.lattice import lattice_on
-from closedchain.analysis.sets.seeds import brackets
-from closedchain.analysis.sets.slices import Frame, Slice
+from closedchain.analysis.singularity.maps.grid import grid_of
+from closedchain.analysis.singularity.sets.bordered import Measure
+from closedchain.analysis.singularity.sets.classifying import classified
+from closedchain.analysis.singularity.sets.edges import on_edges
+from closedchain.analysis.singularity.sets.lattice import lattice_on
+from closedchain.analysis.singularity.sets.seeds import brackets
+from closedchain.analysis.singularity.sets.slices import Frame, Slice
 from closedchain.closure.charting import chart_of
 
 LEAN = np.linspace(0.4, 1.3, 9)

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from closedchain.analysis.tracing.branching import leaving
-from closedchain.analysis.tracing.path import Bound, Path, settle, tangents, trace
+from closedchain.analysis.singularity.tracing.branching import leaving
+from closedchain.analysis.singularity.tracing.path import Bound, Path, settle, tangents, trace
 
 Function = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 

@@ -14,7 +14,7 @@ from conftest import assert_close
 from rpa3t_postures import WIDE, G, Posture, configuration, sample
 
 import closedchain as cc
-from closedchain.analysis.maps.grid import OK, UNREACHABLE
+from closedchain.analysis.singularity.maps.grid import OK, UNREACHABLE
 from closedchain.robots import rpa3t
 
 MM = np.array([1e-3, 1e-3, 1.0])

@@ -1,1 +1,0 @@
-"""Davies' circuits, and the legs that reciprocal screws read off them."""

@@ -1,0 +1,1 @@
+"""Motions along a path: tracking, tasks with redundancy, self-motion."""

@@ -1,0 +1,1 @@
+"""Where a mechanism is singular: kinds, classification of postures, maps and sets."""

@@ -1,0 +1,82 @@
+"""Naming the arrays of a map: coordinates, units, and what it is a map of."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from closedchain.analysis.singularity.maps.grid import STATUSES, Grid
+from closedchain.analysis.singularity.maps.measures import LONG_NAMES
+from closedchain.closure.chart import TILTS, Chart
+from closedchain.urdf.description import OUTPUTS
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+STATUS_LABELS = {
+    "flag_values": list(range(len(STATUSES))),
+    "flag_meanings": " ".join(s.replace(" ", "_") for s in STATUSES),
+}
+
+
+def labelled(grid: Grid, arrays: Mapping[str, np.ndarray], outputs: tuple[str, ...]) -> xr.Dataset:
+    """Label the arrays of a map: "status", "q" and the measures, each with the grid's shape."""
+    import xarray as xr
+
+    variables = {}
+    for name in ("status", *LONG_NAMES, "q"):
+        if name not in arrays:
+            continue
+        values = arrays[name]
+        more = ("nq",) if name == "q" else ()
+        variables[name] = ((*grid.names, *more), values, array_labels(name))
+    coordinates = {
+        name: (name, values, coordinate_labels(grid.chart, name))
+        for name, values in zip(grid.names, grid.values, strict=True)
+    }
+    return xr.Dataset(variables, coords=coordinates, attrs=map_labels(grid, outputs))
+
+
+def array_labels(name: str) -> dict[str, Any]:
+    """Attributes of an array of a map."""
+    if name == "status":
+        return dict(STATUS_LABELS)
+    if name == "q":
+        return {"long_name": "configuration", "units": "m or rad"}
+    return {"units": "m or rad" if name == "residual" else "1", "long_name": LONG_NAMES[name]}
+
+
+def coordinate_labels(chart: Chart, name: str) -> dict[str, Any]:
+    """Attributes of a coordinate."""
+    if name in chart.joints:
+        kind = "input" if name in chart.mechanism.inputs else "joint"
+        return {"units": chart.unit(name), "long_name": f"{kind} {name}"}
+    return {"units": chart.unit(name), "long_name": f"tip {name}"}
+
+
+def map_labels(grid: Grid, outputs: tuple[str, ...]) -> dict[str, Any]:
+    """Attributes of a map: mechanism, outputs, what is held, parameters, versions."""
+    import pinocchio as pin
+
+    import closedchain
+
+    chart, mechanism = grid.chart, grid.chart.mechanism
+    order = (*mechanism.inputs, *OUTPUTS, *TILTS, *chart.joints)
+    at_home = np.allclose(chart.start, mechanism.home, rtol=0.0, atol=1e-9)
+    start = dict(zip(chart.names, chart.values(chart.start).tolist(), strict=True))
+    return {
+        "mechanism": mechanism.name,
+        "outputs": " ".join(outputs),
+        "characteristic_length": mechanism.length,
+        "characteristic_length_units": "m",
+        **{f"parameter_{k}": v for k, v in mechanism.parameters.items()},
+        **{f"held_{n}": chart.held[n] for n in sorted(chart.held, key=order.index)},
+        **{f"held_{n}_units": chart.unit(n) for n in sorted(chart.held, key=order.index)},
+        **{f"start_{name}": value for name, value in start.items()},
+        "start": "home" if at_home else "start",
+        "closedchain_version": closedchain.__version__,
+        "pinocchio_version": pin.__version__,
+        "numpy_version": np.__version__,
+    }

@@ -1,0 +1,153 @@
+"""Work on one tile: spreading a branch from cell to cell, and seeking other branches.
+
+Every cell is reached from a solved neighbour by continuation; a cell that no neighbour leads to
+is labelled, never filled with a guess. Cells with joints beyond their limits are walls: the branch
+is not followed behind them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from closedchain.analysis.singularity.maps.cells import Cells, ReferenceCells, random_postures
+from closedchain.analysis.singularity.maps.grid import OK, UNSEEN, Grid
+from closedchain.analysis.singularity.maps.kernel_cells import KernelCells
+from closedchain.analysis.singularity.maps.tiles import Found, Index, Tiles
+from closedchain.closure.batch.codes import UNTRIED
+
+_OUTSIDE = np.int8(-2)  # status of cells beside a tile, where work on the tile has no say
+
+
+@dataclass(frozen=True, eq=False)
+class Job:
+    """All that work on any tile of one map needs. Pickles, so that other processes can work."""
+
+    grid: Grid
+    tiles: Tiles
+    outputs: tuple[str, ...]
+    keep_q: bool = False
+    explained: bool = True  # whether it matters why the branch ends where it does
+    reference: bool = False
+
+    @cached_property
+    def cells(self) -> Cells:
+        """Spreading, searching and measuring; made once in each process."""
+        chart, outputs = self.grid.chart, self.outputs
+        if self.reference:
+            return ReferenceCells(chart, outputs)
+        return KernelCells(chart, outputs, explain=self.explained)
+
+    def __getstate__(self) -> dict[str, object]:
+        """Pickle the fields, not the solver made from them."""
+        return {name: getattr(self, name) for name in self.__dataclass_fields__}
+
+    def __setstate__(self, state: dict[str, object]) -> None:
+        """Restore the fields."""
+        for name, value in state.items():
+            object.__setattr__(self, name, value)
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """One piece of work on a tile.
+
+    Attributes
+    ----------
+    tile : tuple of int
+    status : (extent of the tile) int8 array
+        As it stands.
+    label : int
+        ``OK`` or ``OTHER_BRANCH``: what cells become that are reached.
+    cells, q : (n, k) and (n, nq) arrays
+        Solved cells of the grid from which to go on: beside the tile, or in it.
+    lattice : (m, k) array
+        Cells of the tile where other branches are sought.
+    done : (1,) array
+        Cells reached so far, for whoever shares the memory of the worker.
+    """
+
+    tile: Index
+    status: np.ndarray
+    label: int
+    cells: np.ndarray
+    q: np.ndarray
+    lattice: np.ndarray
+    done: np.ndarray = field(default_factory=lambda: np.zeros(1, dtype=np.int64))
+
+
+def work(job: Job, task: Task) -> Found:
+    """Do a task."""
+    block = _Block(job, task)
+    if len(task.cells):
+        block.spread(task.cells, task.q)
+    chart = job.grid.chart
+    for cell in task.lattice:
+        if block.status[tuple(cell - block.origin)] != UNSEEN:
+            continue
+        starts = random_postures(chart, tuple(int(i) for i in cell))
+        q = job.cells.search(job.grid.coordinates(cell[None])[0], starts)
+        if q is not None:
+            block.spread(cell[None], q[None])
+    return block.found()
+
+
+class _Block:
+    """A tile being worked on, with the layer of cells around it that its seeds lie in."""
+
+    def __init__(self, job: Job, task: Task) -> None:
+        self.job, self.task = job, task
+        shape = np.array(job.grid.shape)
+        where = job.tiles.slices(task.tile)
+        low = np.maximum([s.start - 1 for s in where], 0)
+        high = np.minimum([s.stop + 1 for s in where], shape)
+        self.origin = low
+        self.inner = tuple(
+            slice(s.start - int(b), s.stop - int(b)) for s, b in zip(where, low, strict=True)
+        )
+        extent = tuple(int(n) for n in high - low)
+        self.status = np.full(extent, _OUTSIDE)
+        self.status[self.inner] = task.status
+        self.q = np.zeros((*extent, job.grid.start.size))
+        axes = [v[b:e] for v, b, e in zip(job.grid.values, low, high, strict=True)]
+        self.values = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
+        self.ends = np.full(extent, UNTRIED, dtype=np.int8)
+
+    def spread(self, cells: np.ndarray, q: np.ndarray) -> None:
+        """Reach every unseen cell that the branch leads to from solved cells (n, k), (n, nq)."""
+        local = tuple((cells - self.origin).T)
+        self.q[local] = q
+        seeds = np.ravel_multi_index(local, self.status.shape)
+        ends = self.job.cells.spread(
+            self.values, self.status, self.q, seeds, self.task.label, self.task.done
+        )
+        self.ends = np.where(ends == UNTRIED, self.ends, ends)
+
+    def found(self) -> Found:
+        """What was added to the map."""
+        job, label = self.job, self.task.label
+        status = self.status[self.inner]
+        new = (task_status := self.task.status) == UNSEEN
+        new &= status != task_status
+        positions = np.flatnonzero(new)
+        found = status.ravel()[positions]
+        solved = positions[found == label]
+        q = self.q[self.inner].reshape(status.size, -1)[solved]
+        cells = np.stack(np.unravel_index(solved, status.shape), axis=1)
+        cells = cells + job.tiles.origin(self.task.tile)
+        edge = job.tiles.faces(self.task.tile, cells)
+        ends = np.where(status == UNSEEN, self.ends[self.inner], UNTRIED).ravel()
+        ended = np.flatnonzero(ends != UNTRIED)
+        branch = label == OK
+        return Found(
+            cells=positions,
+            status=found,
+            ended=ended,
+            ends=ends[ended],
+            measures=job.cells.measures(q) if branch else {},
+            q=q if branch and job.keep_q else None,
+            edge=cells[edge],
+            edge_q=q[edge],
+        )

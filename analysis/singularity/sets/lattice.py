@@ -1,0 +1,144 @@
+"""A branch on a grid of chart coordinates, with its measures: where singular sets are sought."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import product
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from closedchain.analysis.first_order import first_order
+from closedchain.analysis.singularity.classify import SINGULAR, measures
+from closedchain.analysis.singularity.maps.grid import OK, Grid, Progress
+from closedchain.analysis.singularity.maps.measures import KINDS
+from closedchain.analysis.structure.mobility import generic_rank
+from closedchain.closure.chart import Chart
+
+if TYPE_CHECKING:
+    from closedchain.analysis.singularity.maps.kernel_cells import KernelCells
+
+
+@dataclass(frozen=True, eq=False)
+class Lattice:
+    """Postures of one branch on a grid.
+
+    Attributes
+    ----------
+    grid : Grid
+    outputs : tuple of str
+        Of the task.
+    status : array of the grid's shape, int
+        As in a map: OK, JOINT_LIMIT, or anything else where the branch has no cell.
+    q : (shape, nq) array
+        Valid where the status is OK.
+    sigma, det : mapping of kind to array of the grid's shape
+        Vanishing singular value, and signed determinant of kinds whose matrix is square; NaN
+        where the status is not OK.
+    singular : mapping of kind to bool array
+        Cells that are singular themselves, within ``SINGULAR``.
+    """
+
+    grid: Grid
+    outputs: tuple[str, ...]
+    status: np.ndarray
+    q: np.ndarray
+    sigma: dict[str, np.ndarray]
+    det: dict[str, np.ndarray]
+    singular: dict[str, np.ndarray]
+
+    @property
+    def chart(self) -> Chart:
+        """Coordinates of the grid."""
+        return self.grid.chart
+
+    @property
+    def values(self) -> tuple[np.ndarray, ...]:
+        """Rising values along each axis [m or rad]."""
+        return self.grid.values
+
+    @property
+    def cell(self) -> np.ndarray:
+        """Mean size of a cell along each axis, (k,)."""
+        return np.array([float(np.diff(v).mean()) for v in self.values])
+
+    @cached_property
+    def ok(self) -> np.ndarray:
+        """Which cells belong to the branch."""
+        return np.asarray(self.status == OK)
+
+    @cached_property
+    def kernel(self) -> KernelCells:
+        """The compiled kernel of the chart."""
+        from closedchain.analysis.singularity.maps.kernel_cells import KernelCells
+
+        return KernelCells(self.chart, self.outputs)
+
+    @cached_property
+    def cells(self) -> np.ndarray:
+        """Cells (n, k) of the branch."""
+        return np.argwhere(self.ok)
+
+    @cached_property
+    def tree(self) -> Any:
+        """Search tree of the places of ``cells``, in cells."""
+        from scipy.spatial import cKDTree
+
+        return cKDTree(self.place(self.cells) / self.cell)
+
+    def place(self, cells: np.ndarray) -> np.ndarray:
+        """Coordinates (n, k) of cells (n, k)."""
+        return self.grid.coordinates(cells)
+
+
+def lattice_on(grid: Grid, outputs: tuple[str, ...], progress: Progress | None = None) -> Lattice:
+    """Follow the branch of the grid's start over its cells, as a map does.
+
+    Raises
+    ------
+    ClosureError
+        The cells nearest to the start cannot be reached from it, or memory does not suffice.
+    """
+    from closedchain.analysis.singularity.maps.anchor import anchor_of
+    from closedchain.analysis.singularity.maps.journal import InMemory
+    from closedchain.analysis.singularity.maps.rounds import fill
+    from closedchain.analysis.singularity.maps.scheduling import crew
+    from closedchain.analysis.singularity.maps.spreading import Job
+    from closedchain.analysis.singularity.maps.storage import in_memory
+    from closedchain.analysis.singularity.maps.tiles import tiles_of
+
+    job = Job(grid, tiles_of(grid.shape, None, grid.names), outputs, keep_q=True, explained=False)
+    anchor = anchor_of(grid)
+    if progress is not None and not job.cells.compiled():
+        progress("compiling the kernel, once on this machine", 0, 0)
+    names = tuple(job.cells.measures(grid.start[None]))
+    store = in_memory(job.tiles, names, grid.start.size, keep_q=True)
+    with crew(job) as workers:
+        fill(job, anchor, store, InMemory(), workers, progress, others=False)
+    return lattice_of(grid, store.arrays, outputs)
+
+
+def lattice_of(grid: Grid, arrays: Mapping[str, np.ndarray], outputs: tuple[str, ...]) -> Lattice:
+    """Lattice of the arrays of a map that kept its postures: "status", "q" and the measures."""
+    mechanism = grid.chart.mechanism
+    at = first_order(mechanism, grid.start, outputs)
+    largest = measures(at, generic_rank(mechanism))[1]
+    sigma = {k: np.asarray(arrays[f"sigma_{k}"]) for k in KINDS if f"sigma_{k}" in arrays}
+    det = {k: np.asarray(arrays[f"det_{k}"]) for k in KINDS if f"det_{k}" in arrays}
+    with np.errstate(invalid="ignore"):
+        singular = {k: s <= SINGULAR * largest[k] for k, s in sigma.items()}
+    status, q = np.asarray(arrays["status"]), np.asarray(arrays["q"])
+    return Lattice(grid, outputs, status, q, sigma, det, singular)
+
+
+def finer(lattice: Lattice, progress: Progress | None = None) -> Lattice:
+    """The same branch on a grid twice as fine."""
+    axes = tuple(np.sort(np.concatenate([v, 0.5 * (v[1:] + v[:-1])])) for v in lattice.values)
+    return lattice_on(replace(lattice.grid, values=axes), lattice.outputs, progress)
+
+
+def cells_around(shape: tuple[int, ...]) -> list[tuple[int, ...]]:
+    """Offsets to all neighbours of a cell, diagonal ones too."""
+    return [o for o in product((-1, 0, 1), repeat=len(shape)) if any(o)]

@@ -1,0 +1,107 @@
+"""Whether singular postures are met by the branch of a lattice, or lie on another sheet."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from closedchain.analysis.singularity.sets.chart_rows import chart_rows
+from closedchain.analysis.singularity.sets.lattice import Lattice
+from closedchain.analysis.singularity.sets.postures_at import kinematics
+from closedchain.analysis.singularity.sets.slices import Slice
+from closedchain.analysis.singularity.tracing.corrector import settle
+
+CELLS = 2  # nearest cells of the branch that are tried
+AWAY = 2.5  # cells: how far they may be
+SAME = 1e-6  # dimensionless: postures that are one
+SHORT = 0.02  # share of the way that may be left at a fold
+MERGING = 0.02  # dimensionless: how far apart postures may be, short of a fold by ``CLOSE``
+CLOSE = 1e-4  # share of the way
+AROUND = 9  # cells that ways to a self-motion are tried from
+STANDING = 0.3  # dimensionless: from the end of such a way to the self-motion
+SAMPLE = 5  # points of a curve between two that are looked at, while they agree
+
+
+def reached(system: Slice, lattice: Lattice, points: np.ndarray) -> np.ndarray:
+    """Whether the straight way from a nearby cell of the branch leads to each very point.
+
+    At a fold of the chart the way ends just before the point.
+
+    Parameters
+    ----------
+    points : (n, nq + k) array
+
+    Returns
+    -------
+    (n,) array of bool
+    """
+    out = np.zeros(len(points), dtype=bool)
+    if not len(points) or not len(lattice.cells):
+        return out
+    places = system.coordinates(points)
+    apart, near = lattice.tree.query(places / lattice.cell, k=min(CELLS, len(lattice.cells)))
+    apart, near = apart.reshape(len(points), -1), near.reshape(len(points), -1)
+    for rank in range(apart.shape[1]):
+        todo = np.flatnonzero(~out & (apart[:, rank] <= AWAY))
+        if todo.size:
+            cells = lattice.cells[near[todo, rank]]
+            out[todo] = _leads(system, lattice, cells, points[todo])
+    return out
+
+
+def met(system: Slice, lattice: Lattice, z: np.ndarray) -> bool:
+    """Whether a way from a nearby cell of the branch ends in some solution above a point's place.
+
+    For points (nq + k,) above which a whole set of postures stands: which of them a way ends in
+    depends on where it comes from.
+    """
+    place = system.coordinates(z)
+    count = min(AROUND, len(lattice.cells))
+    if not count:
+        return False
+    apart, near = lattice.tree.query(place / lattice.cell, k=count)
+    cells = lattice.cells[np.atleast_1d(near)[np.atleast_1d(apart) <= AWAY]]
+    if not len(cells):
+        return False
+    short = place + SHORT * (lattice.place(cells) - place)
+    q, refused = lattice.kernel.batch.solve(lattice.q[tuple(cells.T)], short)
+    for start in system.point(q, short)[refused == 0]:
+        there = settle(system, start)
+        if there is None or np.abs(system.difference(start, there)).max() > STANDING:
+            continue
+        if (np.abs(system.coordinates(there) - place) <= 1e-4 * lattice.cell).all():
+            return True
+    return False
+
+
+def along(system: Slice, lattice: Lattice, points: np.ndarray) -> np.ndarray:
+    """``reached`` for the points (n, nq + k) of a curve: every one only where that changes."""
+    n = len(points)
+    marks = np.unique([*range(0, n, SAMPLE), n - 1])
+    at = reached(system, lattice, points[marks])
+    out = np.repeat(at, np.diff(np.append(marks, n)))
+    changes = np.flatnonzero(at[:-1] != at[1:])
+    between = [np.arange(marks[i] + 1, marks[i + 1]) for i in changes]
+    unsure = np.concatenate([np.zeros(0, dtype=int), *between])
+    out[unsure] = reached(system, lattice, points[unsure])
+    return out
+
+
+def _leads(system: Slice, lattice: Lattice, cells: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Whether ways from cells (n, k) lead to points (n, nq + k), (n,) of bool."""
+    start, target = lattice.q[tuple(cells.T)], system.coordinates(points)
+    q, refused = lattice.kernel.batch.solve(start, target)
+    gap = np.abs(system.difference(points, system.point(q, target))).max(axis=1)
+    # how much of the way is left, by the rows that would be zero at its end
+    left, whole = (_off(lattice, one, target) for one in (q, start))
+    share = np.divide(left, whole, out=np.zeros_like(left), where=whole > 0.0)
+    # short of a fold by the share s of the way, postures differ like the root of s
+    merging = MERGING + 2.0 * np.sqrt(np.maximum(share, CLOSE))
+    ended = (refused != 0) & (share <= SHORT) & (gap < merging)
+    return np.asarray(((refused == 0) & (gap < SAME)) | ended)
+
+
+def _off(lattice: Lattice, q: np.ndarray, target: np.ndarray) -> np.ndarray:
+    """How far postures (n, nq) are from coordinates (n, k), (n,), dimensionless."""
+    chart = lattice.chart
+    at = kinematics(chart.mechanism, q, tip=bool(chart.outputs))
+    return np.asarray(np.linalg.norm(chart_rows(chart, q, target, at)[0], axis=1))

@@ -1,0 +1,180 @@
+"""Equations of a slice: closures, coordinates of a chart, measures; unknowns are (q, c).
+
+With the varying coordinates c among the unknowns, nothing special happens where the chart itself
+fails: at a fold of the chart the solution turns round in c and goes on in q.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from closedchain.analysis.singularity.sets.bordered import Borders, Measure
+from closedchain.analysis.singularity.sets.chart_rows import chart_rows
+from closedchain.analysis.singularity.sets.postures_at import apart, kinematics, moved
+from closedchain.analysis.singularity.tracing.turns import turning, without_turns
+from closedchain.analysis.structure.mobility import generic_rank
+from closedchain.closure.chart import Chart
+from closedchain.closure.mechanism import Mechanism
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """What is held fixed while Newton's method runs: combined closure rows, borders.
+
+    The equations are smooth with it held, and their signs can be compared. Of many points, each
+    has its own.
+    """
+
+    combine: np.ndarray
+    borders: tuple[Borders, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Slice:
+    """Closed postures on a chart, with coordinates, on which some measures vanish.
+
+    A point z is (q, c): a posture (nq,) and the chart's varying coordinates (k,) [m or rad]. A
+    step is (nv + k,), dimensionless.
+
+    Attributes
+    ----------
+    chart : Chart
+        Coordinates that vary, and those that are held.
+    measures : tuple of Measure
+        None for the closed postures themselves.
+    """
+
+    chart: Chart
+    measures: tuple[Measure, ...] = ()
+
+    @property
+    def mechanism(self) -> Mechanism:
+        """The mechanism of the chart."""
+        return self.chart.mechanism
+
+    @cached_property
+    def size(self) -> int:
+        """Number of unknowns nv + k."""
+        return int(self.mechanism.model.nv) + len(self.chart.names)
+
+    @cached_property
+    def unit(self) -> np.ndarray:
+        """Unit of each unknown, (nv + k,)."""
+        return np.concatenate([self.mechanism.column_scale, self.chart.scale])
+
+    @cached_property
+    def codimension(self) -> int:
+        """Number of equations that the measures are."""
+        return sum(m.codimension for m in self.measures)
+
+    @cached_property
+    def _turning(self) -> np.ndarray:
+        return turning(self.mechanism)
+
+    @cached_property
+    def _tip(self) -> bool:
+        return bool(self.chart.outputs) or any(m.needs_tip for m in self.measures)
+
+    # -- points: one (nq + k,) or many (n, nq + k) ------------------------------------------------
+
+    def point(self, q: np.ndarray, values: np.ndarray | None = None) -> np.ndarray:
+        """Points z of postures and coordinates (k,), by default their own."""
+        values = self.chart.values(q) if values is None else values
+        return np.concatenate([q, values], axis=-1)
+
+    def posture(self, z: np.ndarray) -> np.ndarray:
+        """Posture (nq,), or postures (n, nq)."""
+        return z[..., : self.mechanism.model.nq]
+
+    def coordinates(self, z: np.ndarray) -> np.ndarray:
+        """Coordinates (k,), or (n, k)."""
+        return z[..., self.mechanism.model.nq :]
+
+    def move(self, z: np.ndarray, step: np.ndarray) -> np.ndarray:
+        """Points after dimensionless steps (nv + k,)."""
+        nv, by = self.mechanism.model.nv, step * self.unit
+        q = moved(self.mechanism, self.posture(z), by[..., :nv])
+        return np.concatenate([q, self.coordinates(z) + by[..., nv:]], axis=-1)
+
+    def difference(self, one: np.ndarray, two: np.ndarray) -> np.ndarray:
+        """Dimensionless steps from ``one`` to ``two``, whole turns of joints left out."""
+        change = apart(self.mechanism, self.posture(one), self.posture(two))
+        change = without_turns(change, self._turning)
+        shift = self.coordinates(two) - self.coordinates(one)
+        return np.asarray(np.concatenate([change, shift], axis=-1) / self.unit)
+
+    # -- equations: of one point or of many ------------------------------------------------------
+
+    def frame(self, z: np.ndarray) -> Frame:
+        """Combined rows and borders that suit points and their neighbourhood."""
+        at = kinematics(self.mechanism, self.posture(z), tip=self._tip)
+        r = generic_rank(self.mechanism)
+        if r == self.mechanism.rows and not self.unfold:
+            combine = np.eye(r)
+        else:
+            combine = np.linalg.svd(at.closures)[0][..., :r].swapaxes(-1, -2)
+        return Frame(combine, tuple(m.borders(at, combine) for m in self.measures))
+
+    @cached_property
+    def unfold(self) -> bool:
+        """Whether the closures themselves lose rows on the set: at constraint singularities.
+
+        These rows are left out, since two or more branches of closed postures meet there.
+        """
+        return self._unfolded > 0
+
+    @cached_property
+    def _unfolded(self) -> int:
+        return sum(m.corank for m in self.measures if m.kind == "constraint")
+
+    @cached_property
+    def coranks(self) -> tuple[int, ...]:
+        """Ranks that each measure's matrix loses on the set."""
+        return tuple(m.corank for m in self.measures)
+
+    def losing(self, coranks: Sequence[int]) -> Slice:
+        """The same slice for losses of so many ranks."""
+        both = zip(self.measures, coranks, strict=True)
+        return Slice(self.chart, tuple(m.losing(k) for m, k in both))
+
+    def values(self, z: np.ndarray) -> list[np.ndarray]:
+        """Singular values of each measure's matrix at a point, falling."""
+        at = kinematics(self.mechanism, self.posture(z), tip=self._tip)
+        combine = self.frame(z).combine
+        return [m.values(at, combine) for m in self.measures]
+
+    def lost(self, z: np.ndarray, share: float) -> tuple[int, ...]:
+        """Number of singular values below a share of the largest one, for each measure."""
+        return tuple(int((s <= share * s[0]).sum()) for s in self.values(z))
+
+    def evaluate(self, z: np.ndarray, frame: Frame) -> tuple[np.ndarray, np.ndarray]:
+        """Residual (rows,) and Jacobian (rows, nv + k), dimensionless."""
+        q, nv = self.posture(z), self.mechanism.model.nv
+        at = kinematics(self.mechanism, q, tip=self._tip)
+        kept = frame.combine.shape[-2] - self._unfolded
+        closures = frame.combine[..., :kept, :]
+        values = [(closures @ at.residual[..., None])[..., 0]]
+        rows = [closures @ at.closures]
+        coordinates, by_q, by_c = chart_rows(self.chart, q, self.coordinates(z), at)
+        for measure, borders in zip(self.measures, frame.borders, strict=True):
+            g, gradient = measure.evaluate(q, at, frame.combine, borders)
+            values.append(g)
+            rows.append(gradient)
+        above = np.concatenate(rows, axis=-2)
+        first, count = above.shape[-2], coordinates.shape[-1]
+        jacobian = np.zeros((*z.shape[:-1], first + count, self.size))
+        jacobian[..., :first, :nv] = above
+        jacobian[..., first:, :nv], jacobian[..., first:, nv:] = by_q, by_c
+        return np.concatenate([*values, coordinates], axis=-1), jacobian
+
+    def residual(self, z: np.ndarray) -> np.ndarray:
+        """Largest closure [m, rad], over all rows, and coordinate row (...); no measure."""
+        q = self.posture(z)
+        at = kinematics(self.mechanism, q, tip=self._tip)
+        coordinates = chart_rows(self.chart, q, self.coordinates(z), at)[0]
+        closed = np.abs(at.residual * self.mechanism.row_scale).max(axis=-1, initial=0.0)
+        return np.maximum(closed, np.abs(coordinates).max(axis=-1, initial=0.0))
