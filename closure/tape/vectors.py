@@ -1,0 +1,74 @@
+"""Vectors, rotations and poses over any kind of number: plain algebra, no loops over entries.
+
+A vector is a list of three numbers, a rotation a list of three rows, a pose a pair (R, p).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+Scalar = Any  # float, complex, Expr, interval, ring element: whatever has + - *
+Vector = Sequence[Scalar]
+Matrix = Sequence[Sequence[Scalar]]
+Pose = tuple[Matrix, Vector]
+
+
+def add(a: Vector, b: Vector) -> list[Scalar]:
+    """Return a + b."""
+    return [a[0] + b[0], a[1] + b[1], a[2] + b[2]]
+
+
+def sub(a: Vector, b: Vector) -> list[Scalar]:
+    """Return a - b."""
+    return [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
+
+
+def scale(s: Scalar, a: Vector) -> list[Scalar]:
+    """Return s a."""
+    return [s * a[0], s * a[1], s * a[2]]
+
+
+def neg(a: Vector) -> list[Scalar]:
+    """Return -a."""
+    return [-a[0], -a[1], -a[2]]
+
+
+def dot(a: Vector, b: Vector) -> Scalar:
+    """Return a . b."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+def cross(a: Vector, b: Vector) -> list[Scalar]:
+    """Return a x b."""
+    return [
+        a[1] * b[2] - a[2] * b[1],
+        a[2] * b[0] - a[0] * b[2],
+        a[0] * b[1] - a[1] * b[0],
+    ]
+
+
+def column(r: Matrix, k: int) -> list[Scalar]:
+    """Column k of a rotation: axis k of its frame."""
+    return [r[0][k], r[1][k], r[2][k]]
+
+
+def transposed(r: Matrix) -> list[list[Scalar]]:
+    """Return R^T."""
+    return [column(r, 0), column(r, 1), column(r, 2)]
+
+
+def matvec(r: Matrix, a: Vector) -> list[Scalar]:
+    """Return R a."""
+    return [dot(r[0], a), dot(r[1], a), dot(r[2], a)]
+
+
+def matmul(a: Matrix, b: Matrix) -> list[list[Scalar]]:
+    """Return A B."""
+    columns = transposed(b)
+    return [[dot(row, c) for c in columns] for row in a]
+
+
+def compose(a: Pose, b: Pose) -> Pose:
+    """Pose b seen through pose a."""
+    return matmul(a[0], b[0]), add(matvec(a[0], b[1]), a[1])
