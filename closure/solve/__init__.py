@@ -1,0 +1,1 @@
+"""Solvers: problems, Newton, paths, curves, and how they end."""
