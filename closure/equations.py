@@ -8,14 +8,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from functools import cache, cached_property
-from typing import Any
+from functools import cached_property
 
 import numpy as np
 import pinocchio as pin
 
 from closedchain.closure.mechanism import Mechanism
-from closedchain.closure.ranks import rank_of_singular_values
+from closedchain.closure.solve.factors import Factors, Range
 from closedchain.closure.task import Goal, goal_rows
 
 RESIDUAL_TOLERANCE = 1e-12
@@ -71,78 +70,6 @@ class Equations:
         return q if self.within is None else np.clip(q, *self.within)
 
 
-@cache
-def _lapack() -> Any:
-    """SciPy's LAPACK, imported at the first solve: it takes half the time of ``import``."""
-    from scipy.linalg import lapack
-
-    return lapack
-
-
-@dataclass(frozen=True, eq=False)
-class Factors:
-    """LU factors of a square dimensionless Jacobian; ``sign`` is that of its determinant.
-
-    Sign 0 marks a singular matrix, which cannot be solved with.
-    """
-
-    lu: np.ndarray
-    pivots: np.ndarray
-    sign: int
-
-    @classmethod
-    def of(cls, matrix: np.ndarray) -> Factors:
-        """Factorise (n, n)."""
-        lu, pivots, info = _lapack().dgetrf(matrix)
-        diagonal = lu.diagonal()
-        size = np.abs(diagonal)
-        if info != 0 or size[size.argmin()] < PIVOT_LIMIT * size[size.argmax()]:
-            return cls(lu, pivots, 0)
-        swaps = np.count_nonzero(pivots != np.arange(pivots.size))
-        negative = np.count_nonzero(np.signbit(diagonal))
-        return cls(lu, pivots, -1 if (swaps + negative) % 2 else 1)
-
-    def step(self, values: np.ndarray) -> np.ndarray:
-        """Newton step (n,) for residual ``values`` (n,)."""
-        return -_lapack().dgetrs(self.lu, self.pivots, values)[0]
-
-
-@dataclass(frozen=True, eq=False)
-class Range:
-    """Singular bases of a dimensionless Jacobian that is not square, cut at its rank.
-
-    It has no determinant; in its place, ``left_by`` tells whether another Jacobian is too far away
-    for this one to rule out a singular one in between.
-    """
-
-    u: np.ndarray
-    s: np.ndarray
-    v: np.ndarray
-    sign: None = None
-
-    @classmethod
-    def of(cls, matrix: np.ndarray) -> Range:
-        """Decompose (rows, columns)."""
-        u, s, vt = np.linalg.svd(matrix, full_matrices=False)
-        rank = rank_of_singular_values(s).value
-        return cls(u[:, :rank], s[:rank], vt[:rank].T)
-
-    def step(self, values: np.ndarray) -> np.ndarray:
-        """Shortest least-squares step (columns,) for residual ``values`` (rows,)."""
-        return -self.v @ ((self.u.T @ values) / self.s)
-
-    def left_by(self, other: Range) -> bool:
-        """Whether the rank changed, or may have dropped between here and ``other``.
-
-        Where S^-1 U^T A V differs from 1 by less than 1, so does every Jacobian on the straight
-        line from this one to A: all of them keep the rank.
-        """
-        if self.s.size != other.s.size:
-            return True
-        here = (self.u.T @ other.u) * other.s @ (other.v.T @ self.v)
-        return bool(np.linalg.norm(here / self.s[:, None] - np.eye(self.s.size), 2) >= NEAR)
-
-
 @dataclass(frozen=True, eq=False)
 class Corrected:
     """Outcome of Newton's method from nearby: the posture, or why it was refused.
@@ -162,8 +89,6 @@ class Corrected:
 FIRST_STEP = 0.5  # dimensionless: half the characteristic length, or half a radian
 CONTRACTION = 0.3  # of successive steps: what Newton's method shows well inside its basin
 QUADRATIC = 1e-6  # a step this small leaves an error at rounding level
-NEAR = 0.9  # relative change of a Jacobian that is surely not singular anywhere in between: below 1
-PIVOT_LIMIT = 1e-14  # of the largest pivot: below it a square system is singular to rounding
 ITERATIONS = 12
 
 

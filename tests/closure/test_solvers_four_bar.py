@@ -18,7 +18,8 @@ from small_linkages import (
 )
 
 import closedchain as cc
-from closedchain.closure.equations import Equations, Range, correct
+from closedchain.closure.equations import Equations, correct
+from closedchain.closure.solve.factors import Range
 
 # -- four-bar -------------------------------------------------------------------------------------
 

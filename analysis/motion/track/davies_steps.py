@@ -16,7 +16,7 @@ import pinocchio as pin
 from closedchain.analysis.motion.track.demands import Demand
 from closedchain.analysis.motion.track.predictor_corrector import State, Stuck
 from closedchain.analysis.motion.track.routes import Prescribed, Route
-from closedchain.closure.equations import Range
+from closedchain.closure.solve.factors import Range
 
 LOST = 1e3
 """Dimensionless error at which an integration counts as lost."""

@@ -15,7 +15,8 @@ import pinocchio as pin
 
 from closedchain.analysis.motion.track.demands import Demand, Linear
 from closedchain.analysis.motion.track.routes import Prescribed, Route
-from closedchain.closure.equations import NEAR, Factors, Range, correct
+from closedchain.closure.equations import correct
+from closedchain.closure.solve.factors import NEAR, Factors, Range
 
 SMALLEST = 1e-9  # share of the way between two samples: the shortest step
 _MISS = 1e-2  # dimensionless distance from prediction to posture that steps aim at
