@@ -72,3 +72,14 @@ def matmul(a: Matrix, b: Matrix) -> list[list[Scalar]]:
 def compose(a: Pose, b: Pose) -> Pose:
     """Pose b seen through pose a."""
     return matmul(a[0], b[0]), add(matvec(a[0], b[1]), a[1])
+
+
+def rotation(quaternion: Sequence[Scalar]) -> list[list[Scalar]]:
+    """Rotation of a unit quaternion x y z w."""
+    x, y, z, w = quaternion
+    x2, y2, z2 = x + x, y + y, z + z
+    return [
+        [1.0 - (y * y2 + z * z2), x * y2 - w * z2, x * z2 + w * y2],
+        [x * y2 + w * z2, 1.0 - (x * x2 + z * z2), y * z2 - w * x2],
+        [x * z2 - w * y2, y * z2 + w * x2, 1.0 - (x * x2 + y * y2)],
+    ]

@@ -1,0 +1,197 @@
+"""A problem: the closures of a mechanism and poses wanted of its frames, in the joints left free.
+
+Some joints are pinned: their values are prescribed. What is prescribed in a batch of problems
+stands in a ``Targets``. Everything that solvers need of a problem is written on tapes from here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from weakref import WeakKeyDictionary
+
+import numpy as np
+import pinocchio as pin
+
+from closedchain.closure.mechanism import Mechanism
+from closedchain.closure.solve.samples import closed_samples
+from closedchain.closure.tape.elimination import Elimination, eliminate
+from closedchain.closure.tape.expression import Expr, Graph
+from closedchain.closure.tape.rows import Kinematics, Rows
+from closedchain.closure.tape.vectors import Pose, rotation
+from closedchain.closure.task import Goal
+from closedchain.urdf.description import OUTPUTS
+
+POSE = 7
+"""Numbers of a target pose: origin [m], quaternion x y z w, as ``pin.SE3ToXYZQUAT``."""
+
+INDEPENDENT = 1e-7
+"""Share of the largest singular value below which rows depend on each other in every sample."""
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """Equations of a mechanism with joints pinned and frames placed.
+
+    Attributes
+    ----------
+    pinned : tuple of int
+        Tangent coordinates of the joints with prescribed values, one-freedom joints only.
+    goals : tuple of (frame, components)
+        Frames with a wanted pose, and which of its components 0 to 5 for x y z rx ry rz count.
+    """
+
+    mechanism: Mechanism
+    pinned: tuple[int, ...] = ()
+    goals: tuple[tuple[str, tuple[int, ...]], ...] = ()
+
+    @cached_property
+    def free(self) -> tuple[int, ...]:
+        """Tangent coordinates that are unknown."""
+        held = set(self.pinned)
+        return tuple(v for v in range(self.mechanism.model.nv) if v not in held)
+
+    @cached_property
+    def pinned_q(self) -> np.ndarray:
+        """Index in q of each pinned joint."""
+        model = self.mechanism.model
+        at = {model.idx_vs[j]: model.idx_qs[j] for j in range(1, model.njoints)}
+        return np.array([at[v] for v in self.pinned], dtype=int)
+
+    @property
+    def prescribed(self) -> int:
+        """How many numbers a target has: pins, then a pose for every goal."""
+        return len(self.pinned) + POSE * len(self.goals)
+
+    @cached_property
+    def units(self) -> np.ndarray:
+        """Unit of each row: ``length`` for lengths, 1 for angles."""
+        length = self.mechanism.length
+        goals = [length if k < 3 else 1.0 for _, outputs in self.goals for k in outputs]
+        return np.concatenate([self.mechanism.row_scale, goals])
+
+    def targets_at(self, q: np.ndarray) -> np.ndarray:
+        """Targets (n, prescribed) that postures (n, nq) meet."""
+        q = np.atleast_2d(q)
+        parts = [q[:, self.pinned_q]]
+        for frame, _ in self.goals:
+            parts.append(flat_poses([self.mechanism.pose(one, frame) for one in q]))
+        return np.hstack(parts)
+
+    # -- on a graph --------------------------------------------------------------------------------
+
+    def rows(self, k: Kinematics, target: Sequence[Expr]) -> Rows:
+        """All rows with targets given as expressions (prescribed,), origins in m."""
+        rows, length = k.closures, self.mechanism.length
+        begin = len(self.pinned)
+        for i, (frame, outputs) in enumerate(self.goals):
+            pose = pose_of(target[begin + POSE * i : begin + POSE * (i + 1)], length)
+            rows = rows + k.goal(frame, outputs, pose)
+        return rows
+
+    @cached_property
+    def samples(self) -> np.ndarray:
+        """Closed postures (n, nq) at which independence is judged and pivots are chosen."""
+        return closed_samples(self.mechanism)
+
+    @cached_property
+    def kept(self) -> tuple[int, ...]:
+        """Independent rows: as many as the rank of the Jacobian over the samples.
+
+        The others vanish where these do, near the samples; solvers check them, they do not solve
+        them.
+        """
+        matrices = self.sampled_jacobians
+        rank = int(max(np.linalg.matrix_rank(a, INDEPENDENT * _norm(a)) for a in matrices))
+        rows = matrices.shape[1]
+        if rank == rows:
+            return tuple(range(rows))
+        full = [a for a in matrices if np.linalg.matrix_rank(a, INDEPENDENT * _norm(a)) == rank]
+        return independent_rows(np.array(full), rank)
+
+    @cached_property
+    def sampled_jacobians(self) -> np.ndarray:
+        """Dimensionless Jacobians (n, rows, free) of all rows at the samples."""
+        return np.array([self.jacobian_at(q) for q in self.samples])
+
+    def jacobian_at(self, q: np.ndarray) -> np.ndarray:
+        """Dimensionless Jacobian (rows, free) where the targets are met, by Pinocchio."""
+        from closedchain.closure.task import goal, goal_rows
+
+        m = self.mechanism
+        values, jacobian = m.workspace.evaluate(q)
+        parts = [np.array(jacobian)]
+        for frame, outputs in self.goals:
+            names = tuple(OUTPUTS[i] for i in outputs)
+            g: Goal = goal(m, frame, m.pose(q, frame), names)
+            m.workspace.evaluate(q)
+            parts.append(goal_rows(m, g)[1])
+        whole = np.vstack(parts) * m.column_scale / self.units[:, None]
+        return np.asarray(whole[:, list(self.free)])
+
+    def elimination(self, graph: Graph, rows: Rows, samples: np.ndarray) -> Elimination:
+        """Elimination of the kept rows in the free coordinates; inputs of the graph as sampled."""
+        entries = [rows.entries[r] for r in self.kept]
+        return eliminate(graph, entries, self.free, samples)
+
+    @property
+    def square(self) -> bool:
+        """Whether the kept rows are as many as the unknowns."""
+        return len(self.kept) == len(self.free)
+
+    @property
+    def redundant(self) -> bool:
+        """Whether there are rows beside the kept ones."""
+        return len(self.kept) < self.units.size
+
+
+_PROBLEMS: WeakKeyDictionary[Mechanism, dict[object, Problem]] = WeakKeyDictionary()
+
+
+def problem_of(
+    mechanism: Mechanism,
+    pinned: Sequence[int] = (),
+    goals: Sequence[tuple[str, Sequence[str]]] = (),
+) -> Problem:
+    """Problem with these pins and goals (outputs by name), made once for each mechanism."""
+    key = (
+        tuple(int(v) for v in pinned),
+        tuple((frame, tuple(OUTPUTS.index(n) for n in names)) for frame, names in goals),
+    )
+    known = _PROBLEMS.setdefault(mechanism, {})
+    if key not in known:
+        known[key] = Problem(mechanism, *key)
+    return known[key]
+
+
+def flat_poses(poses: Sequence[pin.SE3]) -> np.ndarray:
+    """Poses as rows of numbers (n, POSE)."""
+    return np.array([pin.SE3ToXYZQUAT(pose) for pose in poses]).reshape(-1, POSE)
+
+
+def pose_of(numbers: Sequence[Expr], length: float) -> Pose:
+    """Pose with its origin in lengths, from its POSE numbers."""
+    return rotation(numbers[3:7]), [(1.0 / length) * x for x in numbers[:3]]
+
+
+def _norm(a: np.ndarray) -> float:
+    return float(np.linalg.norm(a, 2)) if a.size else 1.0
+
+
+def independent_rows(matrices: np.ndarray, rank: int) -> tuple[int, ...]:
+    """Rows, ``rank`` of them, that are independent in every one of (n, rows, columns) matrices.
+
+    One after the other, that which stands out most of the span of those before, where it stands
+    out least among the matrices.
+    """
+    left = matrices.copy()
+    chosen: list[int] = []
+    for _ in range(rank):
+        heights = np.linalg.norm(left, axis=2).min(axis=0)
+        heights[chosen] = -1.0
+        best = int(np.argmax(heights))
+        chosen.append(best)
+        unit = left[:, best] / np.maximum(np.linalg.norm(left[:, best], axis=1), 1e-300)[:, None]
+        left = left - np.einsum("nrc,nc->nr", left, unit)[:, :, None] * unit[:, None, :]
+    return tuple(sorted(chosen))

@@ -1,0 +1,254 @@
+"""Sparse Gaussian elimination of a matrix of expressions, unrolled in a fixed order of pivots.
+
+The order comes from sample postures: among entries that are not small against their row in any of
+them, the one that fills in least [Markowitz 1957]. A posture unlike the samples may meet a small
+pivot all the same: ``least`` tells, so that whoever runs the tape can guard against it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from closedchain.closure.tape.expression import Expr, Graph
+from closedchain.closure.tape.numbers import evaluate
+
+THRESHOLD = 0.05  # share of the largest entry of its row that a pivot has in every sample
+
+Sparse = dict[int, Expr]
+
+
+@dataclass(frozen=True, eq=False)
+class Elimination:
+    """Factors L U = P A Q, entries as expressions.
+
+    Attributes
+    ----------
+    pivots : tuple of (row, column, pivot)
+        In the order of elimination.
+    lower : tuple of dict
+        For each step the multipliers of the rows below, by row.
+    upper : tuple of dict
+        For each step the rest of the pivot row, by column: later pivots' and free columns.
+    free : tuple of int
+        Columns without a pivot, where there are more columns than rows.
+    """
+
+    graph: Graph
+    pivots: tuple[tuple[int, int, Expr], ...]
+    lower: tuple[Sparse, ...]
+    upper: tuple[Sparse, ...]
+    free: tuple[int, ...]
+
+    @property
+    def least(self) -> Expr:
+        """Smallest pivot in size."""
+        found: Expr | None = None
+        for _, _, pivot in self.pivots:
+            found = abs(pivot) if found is None else found.min(abs(pivot))
+        return self.graph.constant(1.0) if found is None else found
+
+    def determinant(self, columns: Sequence[int]) -> Expr:
+        """Determinant of the square matrix with its columns in the order given."""
+        place = {c: i for i, c in enumerate(columns)}
+        sign = parity([r for r, _, _ in self.pivots]) * parity(
+            [place[c] for _, c, _ in self.pivots]
+        )
+        product = self.graph.constant(1.0)
+        for _, _, pivot in self.pivots:
+            product = product * pivot
+        return product if sign > 0 else -product
+
+    def solve(self, right: Sequence[Expr], free: Sparse | None = None) -> Sparse:
+        """x with A x = right (by row), with given values of the free columns (0 by default)."""
+        known = dict(free or {})
+        b = {row: value for row, value in enumerate(right)}
+        for (row, _, _), multipliers in zip(self.pivots, self.lower, strict=True):
+            for below, factor in multipliers.items():
+                b[below] = b[below] - factor * b[row]
+        for (row, column, pivot), rest in zip(
+            reversed(self.pivots), reversed(self.upper), strict=True
+        ):
+            value = b[row]
+            for other, entry in rest.items():
+                if other in known:
+                    value = value - entry * known[other]
+            known[column] = value * pivot.recip()
+        return known
+
+    def solve_transposed(self, right: Sparse) -> list[Expr]:
+        """y (by row) with A^T y = right (by column); a square matrix."""
+        zero = self.graph.constant(0.0)
+        c = {column: right.get(column, zero) for _, column, _ in self.pivots}
+        y: Sparse = {}
+        for (row, column, pivot), rest in zip(self.pivots, self.upper, strict=True):
+            y[row] = c[column] * pivot.recip()
+            for other, entry in rest.items():
+                c[other] = c[other] - entry * y[row]
+        for (row, _, _), multipliers in zip(
+            reversed(self.pivots), reversed(self.lower), strict=True
+        ):
+            for below, factor in multipliers.items():
+                y[row] = y[row] - factor * y[below]
+        return [y[row] for row in range(len(self.pivots))]
+
+    def shortest(self, right: Sequence[Expr]) -> Sparse:
+        """Shortest x with A x = right: with free columns, least in the Euclidean norm."""
+        start = self.solve(right)
+        if not self.free:
+            return start
+        directions = self.kernel()
+        k = len(directions)
+        gram = {a: {b: _inner(directions[a], directions[b]) for b in range(k)} for a in range(k)}
+        slope = [_inner(directions[a], start) for a in range(k)]
+        shares = positive_solve(self.graph, gram, [-s for s in slope])
+        found = {}
+        columns = [c for _, c, _ in self.pivots] + list(self.free)
+        zero = self.graph.constant(0.0)
+        for c in columns:
+            value = start.get(c, zero)
+            for share, direction in zip(shares, directions, strict=True):
+                if c in direction:
+                    value = value + share * direction[c]
+            found[c] = value
+        return found
+
+    def kernel(self) -> list[Sparse]:
+        """Basis of the null space, one vector for each free column."""
+        zero, one = self.graph.constant(0.0), self.graph.constant(1.0)
+        nothing = [zero] * len(self.pivots)
+        found = []
+        for column in self.free:
+            vector = self.solve(nothing, {column: one})
+            found.append({c: e for c, e in vector.items() if e.value != 0.0})
+        return found
+
+
+def eliminate(
+    graph: Graph, rows: Sequence[Sparse], columns: Sequence[int], samples: np.ndarray
+) -> Elimination:
+    """Factorise rows over ``columns`` (others are not looked at); at least as many as rows.
+
+    ``samples`` (inputs, n) are values of the graph's inputs at which pivots must not be small.
+
+    Raises
+    ------
+    ArithmeticError
+        No pivot is left: the rows are dependent at the samples.
+    """
+    live = {r: {c: e for c, e in row.items() if c in set(columns)} for r, row in enumerate(rows)}
+    numbers = _numbers(graph, live, samples)
+    pivots, lower, upper = [], [], []
+    while live:
+        row, column = _pivot(live, numbers)
+        rest = live.pop(row)
+        pivot, size = rest.pop(column), numbers.pop(row)
+        inverse = pivot.recip()
+        multipliers = {}
+        for below, entries in live.items():
+            if column not in entries:
+                continue
+            factor = entries.pop(column) * inverse
+            share = numbers[below].pop(column) / size[column]
+            multipliers[below] = factor
+            for c, e in rest.items():
+                entries[c] = entries[c] - factor * e if c in entries else -(factor * e)
+                numbers[below][c] = numbers[below].get(c, 0.0) - share * size[c]
+        pivots.append((row, column, pivot))
+        lower.append(multipliers)
+        upper.append(rest)
+    used = {c for _, c, _ in pivots}
+    free = tuple(c for c in columns if c not in used)
+    return Elimination(graph, tuple(pivots), tuple(lower), tuple(upper), free)
+
+
+def positive_solve(graph: Graph, matrix: dict[int, Sparse], right: Sequence[Expr]) -> list[Expr]:
+    """Solve a small symmetric positive definite system, unrolled, in its own order."""
+    n = len(right)
+    a = {i: dict(matrix[i]) for i in range(n)}
+    b = list(right)
+    for k in range(n):
+        inverse = a[k][k].recip()
+        for i in range(k + 1, n):
+            factor = a[i][k] * inverse
+            for j in range(k + 1, n):
+                a[i][j] = a[i][j] - factor * a[k][j]
+            b[i] = b[i] - factor * b[k]
+    x: list[Expr] = [graph.constant(0.0)] * n
+    for k in reversed(range(n)):
+        value = b[k]
+        for j in range(k + 1, n):
+            value = value - a[k][j] * x[j]
+        x[k] = value * a[k][k].recip()
+    return x
+
+
+def parity(order: Sequence[int]) -> int:
+    """Sign of a permutation."""
+    left, sign = list(order), 1
+    for i in range(len(left)):
+        while left[i] != i:
+            j = left[i]
+            left[i], left[j] = left[j], left[i]
+            sign = -sign
+    return sign
+
+
+def _numbers(
+    graph: Graph, live: dict[int, Sparse], samples: np.ndarray
+) -> dict[int, dict[int, np.ndarray]]:
+    """Values (n,) of every entry at the samples."""
+    places = [(r, c) for r, row in live.items() for c in row]
+    tape = graph.tape([live[r][c] for r, c in places], samples.shape[0])
+    values = evaluate(tape, list(samples))
+    found: dict[int, dict[int, np.ndarray]] = {r: {} for r in live}
+    for (r, c), value in zip(places, values, strict=True):
+        found[r][c] = np.broadcast_to(np.asarray(value, dtype=float), samples.shape[1])
+    return found
+
+
+def _pivot(live: dict[int, Sparse], numbers: dict[int, dict[int, np.ndarray]]) -> tuple[int, int]:
+    """Entry that fills in least, among those that are never small against their row."""
+    counts: dict[int, int] = {}
+    for row in live.values():
+        for c in row:
+            counts[c] = counts.get(c, 0) + 1
+    best: tuple[tuple[int, float], int, int] | None = None
+    for r, row in live.items():
+        if not row:
+            raise ArithmeticError(f"row {r} depends on the others: no pivot is left")
+        least_fill = min((len(row) - 1) * (counts[c] - 1) for c in row)
+        if best is not None and least_fill > best[0][0]:
+            continue
+        sizes = {c: np.abs(numbers[r][c]) for c in row}
+        largest = np.maximum.reduce(list(sizes.values()))
+        for c, size in sizes.items():
+            share = float(np.min(size / np.maximum(largest, 1e-300)))
+            if share < THRESHOLD:
+                continue
+            key = ((len(row) - 1) * (counts[c] - 1), -share)
+            if best is None or key < best[0]:
+                best = (key, r, c)
+    if best is not None:
+        return best[1], best[2]
+    # no entry is large everywhere: the one whose worst share is largest
+    worst = (-1.0, -1, -1)
+    for r, row in live.items():
+        sizes = {c: np.abs(numbers[r][c]) for c in row}
+        largest = np.maximum.reduce(list(sizes.values()))
+        for c, size in sizes.items():
+            share = float(np.min(size / np.maximum(largest, 1e-300)))
+            worst = max(worst, (share, r, c))
+    if worst[0] <= 1e-9:
+        raise ArithmeticError(f"rows {sorted(live)} depend on the others: no pivot is left")
+    return worst[1], worst[2]
+
+
+def _inner(a: Sparse, b: Sparse) -> Expr:
+    terms = [a[c] * b[c] for c in a if c in b]
+    found = next(iter(a.values())).graph.constant(0.0)
+    for term in terms:
+        found = found + term
+    return found
