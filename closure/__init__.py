@@ -3,8 +3,8 @@
 if __name__ != "closedchain.closure":
     raise ImportError("import closedchain.closure, not closure: two copies of a class never match")
 
+from closedchain.closure.closures import Closure, Coupling
 from closedchain.closure.constraints import constraint_drift, constraint_jacobian, residual
-from closedchain.closure.kinds import Closure, Coupling
 from closedchain.closure.loading import load_urdf, mechanism_from_description
 from closedchain.closure.mechanism import Mechanism, TaskFrame
 from closedchain.closure.nearest import close

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 
-from closedchain.closure.kinds import Closure, Coupling
+from closedchain.closure.closures import Closure, CoupledJoint, Coupling
 from closedchain.closure.mechanism import Mechanism, TaskFrame
 from closedchain.closure.nearest import close
 from closedchain.closure.tree import Tree, build_tree, se3
@@ -94,6 +94,7 @@ def _closure(tree: Tree, spec: LoopClosure) -> Closure:
         placement2=placement2 * se3(spec.child_origin) * _z_onto(spec.child_axis),
         parent=spec.parent,
         child=spec.child,
+        sizes=dict(spec.sizes),
     )
 
 
@@ -108,21 +109,21 @@ def _z_onto(axis: tuple[float, float, float]) -> pin.SE3:
 
 def _coupling(tree: Tree, description: Description, index: int) -> Coupling:
     spec = description.couplings[index]
-    model = tree.model
-    follower, leader = model.getJointId(spec.joint), model.getJointId(spec.leader)
     prismatic = {j.name for j in description.joints if j.type == "prismatic"}
     return Coupling(
         name=f"{spec.joint}_mimic",
-        follower_q=model.idx_qs[follower],
-        follower_v=model.idx_vs[follower],
-        leader_q=model.idx_qs[leader],
-        leader_v=model.idx_vs[leader],
-        ratio=spec.multiplier,
-        offset=spec.offset,
+        kind="coupling",
+        joints=(
+            _coupled(tree, spec.joint, (0.0, 1.0)),
+            _coupled(tree, spec.leader, (-spec.offset, -spec.multiplier)),
+        ),
         length_row=spec.joint in prismatic,
-        follower=spec.joint,
-        leader=spec.leader,
     )
+
+
+def _coupled(tree: Tree, joint: str, coefficients: tuple[float, ...]) -> CoupledJoint:
+    number = tree.model.getJointId(joint)
+    return CoupledJoint(joint, tree.model.idx_qs[number], tree.model.idx_vs[number], coefficients)
 
 
 def _stated_home(tree: Tree, description: Description) -> np.ndarray:

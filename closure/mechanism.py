@@ -13,7 +13,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from closedchain.closure.kinds import Closure, Coupling
+from closedchain.closure.closures import Closure, Coupling
 from closedchain.closure.workspace import Workspace
 from closedchain.urdf.description import OUTPUTS, Description, ParameterValue
 from closedchain.urdf.errors import ClosureError, known_names

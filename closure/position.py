@@ -236,7 +236,7 @@ def _solution(
 ) -> Solution:
     mechanism = equations.mechanism
     beyond = beyond_limits(mechanism, found.q)
-    flipped = flipped_axes(mechanism, found.q) if mechanism.workspace.axes else []
+    flipped = flipped_axes(mechanism, found.q) if mechanism.workspace.cuts else []
     message = f"closed to {found.residual:.1e} {how}{limit_note(beyond)}"
     if flipped:
         message = f"closes only with a mirrored joint: closure {', '.join(flipped)}"

@@ -1,6 +1,7 @@
-"""Rows of the closures: slides and dots (see ``kinds``), the fixed closure's log6, couplings.
+"""Rows of cut joints at Pinocchio's gaps, their exact Jacobian and drift; drift of log6.
 
-Each row comes with its exact Jacobian and its drift. Twists are (linear, angular).
+The rows and their wrenches come from the table of joint kinds. Gaps are poses of frame 2 in frame
+1, twists (linear, angular) of frame 2 against frame 1, at the origin and along the axes of frame 1.
 """
 
 from __future__ import annotations
@@ -10,62 +11,55 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from closedchain.closure.kinds import DOTS, SAME_SENSE, SLIDES, Closure, Coupling
+from closedchain.closure.closures import Closure
+from closedchain.closure.tape.jets import Jet, jets, rate_of
+from closedchain.closure.tape.vectors import add, cross, dot, matmul
 
 
-def coupling_residual(q: np.ndarray, c: Coupling) -> float:
-    """Follower's value less what the leader asks for."""
-    return float(q[c.follower_q] - c.ratio * q[c.leader_q] - c.offset)
+def cut_values(closure: Closure, gap: pin.SE3) -> list[float]:
+    """Rows of a cut joint [m], [rad]."""
+    kind = closure.joint_kind
+    return kind.values(gap.translation.tolist(), gap.rotation.tolist(), closure.sizes)
 
 
-class AxisRows:
-    """Slide and dot rows of one closure from its gap, the pose (R, p) of frame 2 in frame 1.
+def cut_rows(closure: Closure, gap: pin.SE3) -> tuple[list[float], np.ndarray]:
+    """Rows of a cut joint and their derivative (rows, 6) by the twist of frame 2."""
+    p, r = gap.translation.tolist(), gap.rotation.tolist()
+    kind = closure.joint_kind
+    # the table's wrenches act at frame 2's origin; its velocity is v + w x p
+    wrenches = [[*f, *add(m, cross(p, f))] for f, m in kind.wrenches(p, r, closure.sizes)]
+    return kind.values(p, r, closure.sizes), np.array(wrenches)
 
-    A slide is an entry of p, a dot one of R. A twist (v, w) of frame 2 against frame 1, at the
-    origin and along the axes of frame 1, changes them by dp = v + w x p and dR = [w] R, which is
-    linear in v, w and in (p, R): only that product is left to be done at a posture.
+
+def cut_drift(closure: Closure, gap: pin.SE3, twist: np.ndarray, rate: np.ndarray) -> list[float]:
+    """Second derivative (rows) for a twist (6,) and its rate (6,), both seen in frame 1.
+
+    The rates of the wrenches are those of the same algebra, run on jets.
     """
-
-    def __init__(self, closure: Closure) -> None:
-        """Lay out the rows."""
-        slides, dots = SLIDES[closure.kind], DOTS[closure.kind]
-        # entries of (p, R), R row by row
-        self.entries = np.array([*slides, *(3 + 3 * a + b for a, b in dots)])
-        self.senses = np.array([3 + 4 * a for a in SAME_SENSE.get(closure.kind, ())], dtype=int)
-        self.linear = np.zeros((self.entries.size, 3))
-        self.linear[range(len(slides)), slides] = 1.0
-        turns = np.zeros((self.entries.size, 3, 12))  # d row / d w, for each entry of (p, R)
-        for row, a in enumerate(slides):
-            turns[row, :, :3] = -pin.skew(np.eye(3)[a])  # e_a . (w x p) = w . (p x e_a)
-        for row, (a, b) in enumerate(dots, len(slides)):
-            turns[row][:, 3 + b :: 3] = -pin.skew(np.eye(3)[a])  # the same with column b of R
-        self.turns = turns.reshape(-1, 12)
-
-    def values(self, gap: pin.SE3) -> np.ndarray:
-        """Rows (rows,) [m], [rad]."""
-        return _flat(gap)[self.entries]
-
-    def evaluate(self, gap: pin.SE3, twists: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Rows (rows,) and their Jacobian (rows, nv), with the Jacobian (6, nv) of the twist."""
-        flat = _flat(gap)
-        angular = (self.turns @ flat).reshape(-1, 3)
-        return flat[self.entries], self.linear @ twists[:3] + angular @ twists[3:]
-
-    def drift(self, gap: pin.SE3, twist: np.ndarray, rate: np.ndarray) -> np.ndarray:
-        """Second derivative (rows,) for a twist (6,) and its rate (6,), both seen in frame 1."""
-        v, w, p, r = twist[:3], pin.skew(twist[3:]), gap.translation, gap.rotation
-        moving = np.concatenate([v + w @ p, (w @ r).ravel()])
-        angular = (self.turns @ _flat(gap)).reshape(-1, 3)
-        angular_rate = (self.turns @ moving).reshape(-1, 3)
-        return self.linear @ rate[:3] + angular @ rate[3:] + angular_rate @ twist[3:]
-
-    def least_sense(self, gap: pin.SE3) -> float:
-        """Least cosine of axes that a closed joint has parallel: negative where it is mirrored."""
-        return float(_flat(gap)[self.senses].min(initial=1.0))
+    p, r = gap.translation.tolist(), gap.rotation.tolist()
+    v, w = twist[:3].tolist(), twist[3:].tolist()
+    v_rate, w_rate = rate[:3].tolist(), rate[3:].tolist()
+    velocity = add(v, cross(w, p))
+    acceleration = add(add(v_rate, cross(w_rate, p)), cross(w, velocity))
+    spin = [[0.0, -w[2], w[1]], [w[2], 0.0, -w[0]], [-w[1], w[0], 0.0]]
+    moving_r = [jets(row, rates) for row, rates in zip(r, matmul(spin, r), strict=True)]
+    wrenches = closure.joint_kind.wrenches(jets(p, velocity), moving_r, closure.sizes)
+    return [
+        dot([_value(x) for x in f], acceleration)
+        + dot([_value(x) for x in m], w_rate)
+        + dot([rate_of(x) for x in f], velocity)
+        + dot([rate_of(x) for x in m], w)
+        for f, m in wrenches
+    ]
 
 
-def _flat(gap: pin.SE3) -> np.ndarray:
-    return np.concatenate([gap.translation, gap.rotation.ravel()])
+def _value(number: Any) -> float:
+    return float(number.value) if isinstance(number, Jet) else float(number)
+
+
+def least_sense(closure: Closure, gap: pin.SE3) -> float:
+    """Least cosine of axes that a closed joint has parallel: negative where it is mirrored."""
+    return min((float(gap.rotation[a, a]) for a in closure.joint_kind.senses), default=1.0)
 
 
 def fixed_drift(

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from closedchain.closure.kinds import Closure, Coupling
-from closedchain.closure.rows import AxisRows, coupling_residual, fixed_drift
+from closedchain.closure.closures import Closure, Coupling
+from closedchain.closure.rows import cut_drift, cut_rows, cut_values, fixed_drift, least_sense
 from closedchain.urdf.errors import ClosureError
 
 
@@ -36,8 +36,7 @@ class Workspace:
         self.last_direct: Any = None
         self.points: list[tuple[slice, pin.PointAnchorConstraintModel, Any]] = []
         self.frames: list[tuple[slice, pin.FrameAnchorConstraintModel, Any]] = []
-        self.axes: list[tuple[slice, Closure]] = []
-        self.axis_views: list[tuple[slice, AxisRows, pin.FrameAnchorConstraintModel, Any]] = []
+        self.cuts: list[tuple[slice, Closure, pin.FrameAnchorConstraintModel, Any]] = []
         self.couplings: list[tuple[slice, Coupling]] = []
         start = 0
         for closure in closures:
@@ -55,8 +54,7 @@ class Workspace:
                 self.frames.append((where, anchor, anchor.createData()))
             else:
                 anchor = _anchor(pin.FrameAnchorConstraintModel, model, closure)
-                self.axes.append((where, closure))
-                self.axis_views.append((where, AxisRows(closure), anchor, anchor.createData()))
+                self.cuts.append((where, closure, anchor, anchor.createData()))
         self.point_models = pin.StdVec_ConstraintModel()
         self.point_data = pin.StdVec_ConstraintData()
         for _, anchor, _ in self.points:
@@ -99,11 +97,11 @@ class Workspace:
         for where, anchor, anchor_data in self.frames:
             anchor.calc(model, data, anchor_data)
             out[where] = anchor_data.constraint_position_error
-        for where, rows, anchor, anchor_data in self.axis_views:
+        for where, closure, anchor, anchor_data in self.cuts:
             anchor.calc(model, data, anchor_data)
-            out[where] = rows.values(anchor_data.c1Mc2)
+            out[where] = cut_values(closure, anchor_data.c1Mc2)
         for where, coupling in self.couplings:
-            out[where] = coupling_residual(q, coupling)
+            out[where] = coupling.value(q)
         return out
 
     def evaluate(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -125,14 +123,14 @@ class Workspace:
             # the anchor's Jacobian is a relative twist in frame 1; the residual is log6(gap)
             to_log = pin.Jlog6(gap) @ gap.inverse().action
             jacobian[where] = to_log @ anchor.jacobian(model, data, anchor_data)
-        for where, rows, anchor, anchor_data in self.axis_views:
+        for where, closure, anchor, anchor_data in self.cuts:
             anchor.calc(model, data, anchor_data)
-            twists = anchor.jacobian(model, data, anchor_data)
-            out[where], jacobian[where] = rows.evaluate(anchor_data.c1Mc2, twists)
+            out[where], wrenches = cut_rows(closure, anchor_data.c1Mc2)
+            jacobian[where] = wrenches @ anchor.jacobian(model, data, anchor_data)
         for where, coupling in self.couplings:
-            out[where] = coupling_residual(q, coupling)
-            jacobian[where, coupling.follower_v] += 1.0
-            jacobian[where, coupling.leader_v] -= coupling.ratio
+            out[where] = coupling.value(q)
+            for column, slope in coupling.gradient(q):
+                jacobian[where, column] += slope
         return out, jacobian
 
     def _point_residuals(self) -> np.ndarray:
@@ -161,22 +159,22 @@ class Workspace:
         for where, anchor, anchor_data in self.frames:
             anchor.calc(model, data, anchor_data)
             out[where] = fixed_drift(model, data, anchor, anchor_data, v)
-        for where, rows, anchor, anchor_data in self.axis_views:
+        for where, closure, anchor, anchor_data in self.cuts:
             anchor.calc(model, data, anchor_data)
             twist = anchor.jacobian(model, data, anchor_data) @ v
             rate = anchor_data.constraint_acceleration_error
-            out[where] = rows.drift(anchor_data.c1Mc2, twist, rate)
+            out[where] = cut_drift(closure, anchor_data.c1Mc2, twist, rate)
+        for where, coupling in self.couplings:
+            out[where] = sum(bend * v[column] ** 2 for column, bend in coupling.curvature(q))
         return out
 
     def flipped(self, q: np.ndarray) -> list[str]:
         """Closures whose axes are opposed at ``q``: closed rows, yet the joint is mirrored."""
         pin.forwardKinematics(self.model, self.data, q)
         found = []
-        for (_, closure), (_, rows, anchor, anchor_data) in zip(
-            self.axes, self.axis_views, strict=True
-        ):
+        for _, closure, anchor, anchor_data in self.cuts:
             anchor.calc(self.model, self.data, anchor_data)
-            if rows.least_sense(anchor_data.c1Mc2) < 0.0:
+            if least_sense(closure, anchor_data.c1Mc2) < 0.0:
                 found.append(closure.describe())
         return found
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import Literal
+from typing import Literal, get_args
 
 Vector3 = tuple[float, float, float]
 ParameterValue = str | float | int | bool
@@ -18,9 +18,6 @@ JointType = Literal["revolute", "continuous", "prismatic", "floating", "fixed"]
 JOINT_TYPES: tuple[JointType, ...] = ("revolute", "continuous", "prismatic", "floating", "fixed")
 
 ClosureType = Literal[
-    "fixed", "revolute", "prismatic", "cylindrical", "universal", "spherical", "planar"
-]
-CLOSURE_TYPES: tuple[ClosureType, ...] = (
     "fixed",
     "revolute",
     "prismatic",
@@ -28,7 +25,11 @@ CLOSURE_TYPES: tuple[ClosureType, ...] = (
     "universal",
     "spherical",
     "planar",
-)
+    "point_on_line",
+    "in_plane",
+    "distance",
+]
+CLOSURE_TYPES: tuple[ClosureType, ...] = get_args(ClosureType)
 
 OUTPUTS: tuple[str, ...] = ("x", "y", "z", "rx", "ry", "rz")
 
@@ -95,7 +96,8 @@ class Coupling:
 class LoopClosure:
     """A cut joint: it leaves free between the two links what a joint of ``type`` leaves free.
 
-    Axes are unit vectors in the frames of the two origins.
+    Axes are unit vectors in the frames of the two origins. ``sizes`` are the numbers [m] that a
+    joint of this type has, by name: the length of a rod.
     """
 
     name: str
@@ -106,6 +108,7 @@ class LoopClosure:
     child_origin: Origin = Origin()
     parent_axis: Vector3 = (0.0, 0.0, 1.0)
     child_axis: Vector3 = (0.0, 0.0, 1.0)
+    sizes: tuple[tuple[str, float], ...] = ()
     line: int | None = None
 
 

@@ -27,7 +27,7 @@ from closedchain.analysis.screws.leg_graph import LegChain, LegGraph, leg_graph
 from closedchain.analysis.screws.network import column_names
 from closedchain.analysis.structure.loops import LoopGraph, loops
 from closedchain.analysis.structure.pair_screws import PairScrews, pair_screws
-from closedchain.closure.kinds import Closure
+from closedchain.closure.closures import Closure
 from closedchain.closure.mechanism import Mechanism
 from closedchain.closure.ranks import RANK_TOLERANCE, Rank, null_space, numerical_rank
 

@@ -16,7 +16,7 @@ import pinocchio as pin
 from closedchain.analysis.screws.twists import TwistSpace, twist_space
 from closedchain.analysis.structure.graph import Walk, shortest_walks
 from closedchain.analysis.structure.loops import LoopGraph, Pair
-from closedchain.closure.kinds import Closure
+from closedchain.closure.closures import Closure
 from closedchain.closure.mechanism import Mechanism
 from closedchain.closure.ranks import Rank, null_space, numerical_rank
 

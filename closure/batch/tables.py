@@ -13,8 +13,10 @@ from weakref import WeakKeyDictionary
 import numpy as np
 import pinocchio as pin
 
+from closedchain.closure.closures import CoupledJoint
 from closedchain.closure.kinds import DOTS, SAME_SENSE, SLIDES, Closure, Coupling
 from closedchain.closure.mechanism import Mechanism
+from closedchain.urdf.errors import ClosureError
 
 REVOLUTE, PRISMATIC, FLOATING = range(3)
 ROWS, FIXED = range(2)
@@ -99,6 +101,8 @@ def _tables(m: Mechanism) -> Tables:
         closures[i] = kind, c.joint1, c.joint2, where.start, c.rows, only_point
         frames[2 * i] = _pose(_on(turns[c.joint1], c.placement1), length)
         frames[2 * i + 1] = _pose(_on(turns[c.joint2], c.placement2), length)
+        if c.kind not in SLIDES and kind == ROWS:
+            raise ClosureError(f"closure {c.describe()}: maps do not know this kind yet")
         if kind == ROWS:
             slides = [(0, a, a) for a in SLIDES[c.kind]]
             entries[where] = [*slides, *((1, a, b) for a, b in DOTS[c.kind])]
@@ -109,11 +113,12 @@ def _tables(m: Mechanism) -> Tables:
         ends.append(len(path))
     pairs = zip(m.closures, rows, strict=True)
     coupled = [(c, s.start) for c, s in pairs if isinstance(c, Coupling)]
-    indices = [(row, c.follower_q, c.leader_q, c.follower_v, c.leader_v) for c, row in coupled]
-    ratios = []
+    indices, ratios = [], []
     for tie, row in coupled:
-        follower, leader = m.column_scale[[tie.follower_v, tie.leader_v]] / m.row_scale[row]
-        ratios.append((tie.ratio, tie.offset, m.row_scale[row], follower, -tie.ratio * leader))
+        one, two, ratio, offset = _as_mimic(tie)
+        follower, leader = m.column_scale[[one.v, two.v]] / m.row_scale[row]
+        indices.append((row, one.q, two.q, one.v, two.v))
+        ratios.append((ratio, offset, m.row_scale[row], follower, -ratio * leader))
     return Tables(
         length=float(length),
         joints=joints,
@@ -162,7 +167,7 @@ def touched(mechanism: Mechanism) -> np.ndarray:
     pattern = np.zeros((mechanism.rows, model.nv), dtype=bool)
     for c, where in zip(mechanism.closures, mechanism.row_slices, strict=True):
         if isinstance(c, Coupling):
-            pattern[where, [c.follower_v, c.leader_v]] = True
+            pattern[where, [part.v for part in c.joints]] = True
             continue
         for j in ancestors(mechanism, c.joint1).keys() ^ ancestors(mechanism, c.joint2).keys():
             pattern[where, model.idx_vs[j] : model.idx_vs[j] + model.nvs[j]] = True
@@ -172,6 +177,15 @@ def touched(mechanism: Mechanism) -> np.ndarray:
 def integers(rows: Sequence[Sequence[int]], width: int) -> np.ndarray:
     """(n, width) of int64, also for no rows."""
     return np.array(rows, dtype=np.int64).reshape(-1, width)
+
+
+def _as_mimic(tie: Coupling) -> tuple[CoupledJoint, CoupledJoint, float, float]:
+    """Follower, leader, ratio and offset of a coupling of two joints."""
+    if len(tie.joints) == 2:
+        one, two = tie.joints
+        if one.coefficients == (0.0, 1.0) and len(two.coefficients) == 2:
+            return one, two, -two.coefficients[1], -two.coefficients[0]
+    raise ClosureError(f"{tie.describe()} is no ratio of two joints: maps do not know it yet")
 
 
 def _kind(shortname: str) -> int:

@@ -136,7 +136,7 @@ def _info_data(mechanism: Mechanism) -> dict[str, Any]:
                 "name": c.name,
                 "kind": c.kind,
                 "rows": c.rows,
-                "parent": c.parent if isinstance(c, Closure) else c.leader,
+                "parent": c.parent if isinstance(c, Closure) else " ".join(c.leaders),
                 "child": c.child if isinstance(c, Closure) else c.follower,
             }
             for c in mechanism.closures

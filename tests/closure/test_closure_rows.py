@@ -10,7 +10,8 @@ import pinocchio as pin
 import pytest
 from conftest import Tolerances, assert_close
 
-from closedchain.closure.kinds import FREEDOMS, SAME_SENSE, Closure, Coupling
+from closedchain.closure.closures import Closure, CoupledJoint, Coupling
+from closedchain.closure.joint_kinds import JOINT_KINDS
 from closedchain.closure.workspace import Workspace
 from closedchain.urdf.description import ClosureType
 from closedchain.urdf.errors import ClosureError
@@ -19,6 +20,9 @@ KINDS: tuple[ClosureType, ...] = get_args(ClosureType)
 SAMPLES = 100
 HALF_TURN_MARGIN = 3.0
 """log6 is not differentiable at half a turn: fixed closures stay below this angle [rad]."""
+
+ROD = 0.7
+"""Length of the distance closures [m]."""
 
 PAIRS = ((3, 5), (0, 5), (3, 0), (2, 4), (5, 1), (1, 3))
 """Chain end to carried body, the base on either side, along one chain."""
@@ -54,14 +58,18 @@ def allowed_motion(kind: str, rng: np.random.Generator) -> pin.SE3:
     still, along_z = np.zeros(3), np.array([0.0, 0.0, slide])
     # frame 2's z axis is the second axis of the cross, at right angles to frame 1's z axis
     cross = about_z @ pin.exp3(np.array([np.pi / 2, 0.0, 0.0]))
+    any_turn = pin.exp3(rng.standard_normal(3))
     return {
         "fixed": pin.SE3.Identity(),
         "revolute": pin.SE3(about_z, still),
         "prismatic": pin.SE3(np.eye(3), along_z),
         "cylindrical": pin.SE3(about_z, along_z),
         "universal": pin.SE3(cross @ pin.exp3(np.array([0.0, 0.0, tilt])), still),
-        "spherical": pin.SE3(pin.exp3(rng.standard_normal(3)), still),
+        "spherical": pin.SE3(any_turn, still),
         "planar": pin.SE3(about_z, np.array([slide, tilt, 0.0])),
+        "point_on_line": pin.SE3(any_turn, along_z),
+        "in_plane": pin.SE3(any_turn, np.array([slide, tilt, 0.0])),
+        "distance": pin.SE3(any_turn, ROD * pin.exp3(rng.standard_normal(3))[:, 0]),
     }[kind]
 
 
@@ -70,20 +78,27 @@ def free_twists(kind: str, motion: pin.SE3) -> np.ndarray:
     in_two = motion.rotation.T
     x, y, z = in_two.T
     zero, own = np.zeros(3), np.array([0.0, 0.0, 1.0])
+    ball = [(zero, x), (zero, y), (zero, z)]
+    rod = in_two @ motion.translation
+    a, b = (x, y) if abs(rod @ z) > 0.5 * np.linalg.norm(rod) else (y, z)
     twists = {
         "fixed": [],
         "revolute": [(zero, z)],
         "prismatic": [(z, zero)],
         "cylindrical": [(z, zero), (zero, z)],
         "universal": [(zero, z), (zero, own)],
-        "spherical": [(zero, x), (zero, y), (zero, z)],
+        "spherical": ball,
         "planar": [(x, zero), (y, zero), (zero, z)],
+        "point_on_line": [(z, zero), *ball],
+        "in_plane": [(x, zero), (y, zero), *ball],
+        "distance": [(np.cross(rod, a), zero), (np.cross(rod, b), zero), *ball],
     }[kind]
     return np.array([np.concatenate(t) for t in twists]).reshape(-1, 6).T
 
 
 def closure(kind: ClosureType, ids: tuple[int, int], one: pin.SE3, two: pin.SE3) -> Closure:
-    return Closure("loop", kind, ids[0], one, ids[1], two, f"body{ids[0]}", f"body{ids[1]}")
+    sizes = {"length": ROD} if kind == "distance" else {}
+    return Closure("loop", kind, ids[0], one, ids[1], two, f"body{ids[0]}", f"body{ids[1]}", sizes)
 
 
 def frames(model: pin.Model, q: np.ndarray, loop: Closure) -> tuple[pin.SE3, pin.SE3]:
@@ -149,7 +164,7 @@ def test_jacobian_is_the_derivative_of_the_residual(
     for model, q, loop in samples(kind, closed, SAMPLES, 1):
         space = Workspace(model, [loop])
         values, jacobian = space.evaluate(q)
-        assert values.shape == (6 - FREEDOMS[kind],)
+        assert values.shape == (6 - JOINT_KINDS[kind].freedoms,)
         assert jacobian.shape == (values.size, model.nv)
         assert_close(space.residual(q), values, 1e-15, "residual alone and with the Jacobian")
         if closed:
@@ -196,7 +211,10 @@ def test_several_closures_stack_in_order() -> None:
     model = random_mechanism(rng)
     q = random_configuration(model, rng)
     v = rng.standard_normal(model.nv)
-    order = ("revolute", "spherical", "fixed", "spherical", "planar", "universal", "spherical")
+    order: tuple[ClosureType, ...] = (
+        "revolute", "spherical", "fixed", "spherical", "planar", "distance", "universal",
+        "spherical", "in_plane",
+    )  # fmt: skip
     loops: list[Closure | Coupling] = [
         closure(kind, PAIRS[i % len(PAIRS)], pin.SE3.Random(), pin.SE3.Random())
         for i, kind in enumerate(order)
@@ -211,10 +229,9 @@ def test_several_closures_stack_in_order() -> None:
 
 def coupling(model: pin.Model) -> Coupling:
     """Last revolute follows the prismatic joint."""
-    return Coupling(
-        "tie", model.idx_qs[5], model.idx_vs[5], model.idx_qs[2], model.idx_vs[2],
-        ratio=-1.7, offset=0.3, length_row=False, follower="r3", leader="p",
-    )  # fmt: skip
+    follower = CoupledJoint("r3", model.idx_qs[5], model.idx_vs[5], (0.0, 1.0))
+    leader = CoupledJoint("p", model.idx_qs[2], model.idx_vs[2], (-0.3, 1.7))
+    return Coupling("tie", "coupling", (follower, leader), length_row=False)
 
 
 def test_coupling_row_is_linear_and_exact(tol: Tolerances) -> None:
@@ -222,19 +239,48 @@ def test_coupling_row_is_linear_and_exact(tol: Tolerances) -> None:
     for _ in range(SAMPLES):
         model = random_mechanism(rng)
         q = random_configuration(model, rng)
-        tie = coupling(model)
-        space = Workspace(model, [tie])
+        follower, leader = coupling(model).joints
+        space = Workspace(model, [coupling(model)])
         values, jacobian = space.evaluate(q)
-        assert_close(values, [q[tie.follower_q] + 1.7 * q[tie.leader_q] - 0.3], 1e-15)
+        assert_close(values, [q[follower.q] + 1.7 * q[leader.q] - 0.3], 1e-15)
         expected = difference(model, q, space.residual)
         assert_close(jacobian, expected, tol.finite_difference)
         assert_close(space.drift(q, rng.standard_normal(model.nv)), [0.0], 0.0)
 
 
+@pytest.mark.parametrize("degrees", [(1, 1, 1, 1), (1, 5), (1, 3, 2)])
+def test_couplings_of_any_joints_are_exact(degrees: tuple[int, ...], tol: Tolerances) -> None:
+    """Linear in four joints, a polynomial of degree 5, and a sum of polynomials."""
+    rng = np.random.default_rng([16, *degrees])
+    step = 1e-5
+    for _ in range(20):
+        model = random_mechanism(rng)
+        q, v = random_configuration(model, rng), rng.standard_normal(model.nv)
+        joints = tuple(
+            CoupledJoint(
+                f"j{j}", model.idx_qs[j], model.idx_vs[j], tuple(rng.standard_normal(degree + 1))
+            )
+            for j, degree in zip((3, 2, 5, 1), degrees, strict=False)
+        )
+        space = Workspace(model, [Coupling("tie", "polynomial", joints, length_row=False)])
+        expected = sum(np.polyval(part.coefficients[::-1], q[part.q]) for part in joints)
+        values, jacobian = space.evaluate(q)
+        assert_close(values, [expected], 1e-12)
+        assert_close(space.residual(q), values, 0.0)
+        size = max(1.0, float(np.abs(jacobian).max()))
+        rates = difference(model, q, space.residual)
+        assert_close(jacobian, rates, 10 * tol.finite_difference * size)
+        ahead = space.evaluate(pin.integrate(model, q, step * v))[1] @ v
+        behind = space.evaluate(pin.integrate(model, q, -step * v))[1] @ v
+        drift = (ahead - behind) / (2.0 * step)
+        assert_close(space.drift(q, v), drift, 1e-6 * max(1.0, abs(float(drift[0]))))
+
+
 def test_coupling_of_a_joint_to_itself_is_summed() -> None:
     """Both entries land in one column: neither overwrites the other."""
     model = random_mechanism(np.random.default_rng(8))
-    tie = Coupling("tie", 2, 2, 2, 2, 0.25, 0.0, False, "r2", "r2")
+    joints = (CoupledJoint("r2", 2, 2, (0.0, 1.0)), CoupledJoint("r2", 2, 2, (0.0, -0.25)))
+    tie = Coupling("tie", "linear", joints, length_row=False)
     jacobian = Workspace(model, [tie]).evaluate(pin.neutral(model))[1]
     assert jacobian[0, 2] == pytest.approx(0.75)
 
@@ -267,12 +313,14 @@ def test_freedoms_of_two_bodies(kind: ClosureType, tol: Tolerances) -> None:
         loop = closed_at(model, q, kind, (1, 2), motion)
         jacobian = Workspace(model, [loop]).evaluate(q)[1]
         s = np.linalg.svd(jacobian, compute_uv=False)
-        assert s.size == 6 - FREEDOMS[kind]
+        assert s.size == 6 - JOINT_KINDS[kind].freedoms
         assert s[-1] > 1e-2 * s[0], "the rows are independent"
         twists = free_twists(kind, motion)
-        assert twists.shape[1] == FREEDOMS[kind]
+        assert twists.shape[1] == JOINT_KINDS[kind].freedoms
         in_joint = loop.placement2.action @ twists
-        assert_close(jacobian[:, 6:] @ in_joint, np.zeros((s.size, FREEDOMS[kind])), tol.algebra)
+        assert_close(
+            jacobian[:, 6:] @ in_joint, np.zeros((s.size, JOINT_KINDS[kind].freedoms)), tol.algebra
+        )
         # moving both bodies as one changes nothing
         data = model.createData()
         pin.forwardKinematics(model, data, q)
@@ -292,7 +340,7 @@ def test_mirrored_joints_are_detected(kind: ClosureType, tol: Tolerances) -> Non
         motion = allowed_motion(kind, rng) * pin.SE3(turn, np.zeros(3))
         loop = closed_at(model, q, kind, (3, 5), motion)
         space = Workspace(model, [loop])
-        mirrored = kind in SAME_SENSE and (name == "x" or kind == "prismatic")
+        mirrored = bool(JOINT_KINDS[kind].senses) and (name == "x" or kind == "prismatic")
         if kind != "fixed":
             assert np.abs(space.residual(q)).max() < tol.closure
         assert space.flipped(q) == ([loop.describe()] if mirrored else [])
