@@ -1,4 +1,8 @@
-"""The generic rank of the closure rows, from postures around home."""
+"""Generic ranks: what closures, inputs and outputs are worth at a posture without special features.
+
+Ranks are largest on almost all closed postures and drop on special ones, so each is the largest
+over some closed postures around home. Home itself may be special.
+"""
 
 from __future__ import annotations
 
@@ -8,9 +12,11 @@ from weakref import WeakKeyDictionary
 import numpy as np
 import pinocchio as pin
 
+from closedchain.closure.joint_rates import orthonormal_motions, physical_rates
 from closedchain.closure.mechanism import Mechanism
 from closedchain.closure.nearest import close
-from closedchain.closure.ranks import Rank, numerical_rank
+from closedchain.closure.ranks import RANK_TOLERANCE, Rank, null_space, numerical_rank, rank_above
+from closedchain.closure.task import task_jacobian
 
 SAMPLES = 8
 SPREAD = 0.15  # dimensionless standard deviation of the guesses around home
@@ -34,14 +40,96 @@ class GenericRank:
     samples: int
 
 
+@dataclass(frozen=True)
+class GenericRanks:
+    """Ranks on the closed motions V = ker K at a generic posture, for a choice of outputs.
+
+    Attributes
+    ----------
+    motions : int
+        n, the dimension of V: the mobility.
+    inputs : Rank
+        a, of A: V -> input rates.
+    outputs : Rank
+        d, of T: V -> output rates.
+    together : Rank
+        b, of [A; T].
+    drives : int
+        Number of inputs.
+    output_scale : float
+        Largest singular value of T over the postures looked at; 1 where no output ever moves.
+    samples : int
+    """
+
+    motions: int
+    inputs: Rank
+    outputs: Rank
+    together: Rank
+    drives: int
+    output_scale: float
+    samples: int
+
+    @property
+    def idle(self) -> int:
+        """Freedoms that move neither inputs nor outputs, n - b."""
+        return self.motions - self.together.value
+
+    @property
+    def undriven(self) -> int:
+        """Freedoms that move outputs with all inputs locked, b - a; none where well driven."""
+        return self.together.value - self.inputs.value
+
+    @property
+    def spare(self) -> int:
+        """Inputs beyond those that can be moved independently."""
+        return self.drives - self.inputs.value
+
+    @property
+    def architecturally_singular(self) -> bool:
+        """Whether there are inputs enough to drive what moves, and yet they do not."""
+        return self.undriven > 0 and self.drives >= self.together.value
+
+
+_POSTURES: WeakKeyDictionary[Mechanism, tuple[np.ndarray, ...]] = WeakKeyDictionary()
 _FOUND: WeakKeyDictionary[Mechanism, GenericRank] = WeakKeyDictionary()
+_RANKS: WeakKeyDictionary[Mechanism, dict[tuple[str, ...], GenericRanks]] = WeakKeyDictionary()
+
+
+def generic_postures(mechanism: Mechanism) -> tuple[np.ndarray, ...]:
+    """Home and random closed postures (nq,) near it, found once."""
+    if mechanism not in _POSTURES:
+        rng = np.random.default_rng(0)
+        found = [mechanism.home]
+        for _ in range(SAMPLES):
+            v = SPREAD * rng.standard_normal(mechanism.model.nv) * mechanism.column_scale
+            near = close(mechanism, guess=pin.integrate(mechanism.model, mechanism.home, v))
+            if near.converged:
+                found.append(near.q)
+        _POSTURES[mechanism] = tuple(found)
+    return _POSTURES[mechanism]
 
 
 def sampled_rank(mechanism: Mechanism) -> GenericRank:
-    """Generic rank of a mechanism, found once."""
+    """Generic rank of a mechanism's closures, found once."""
     if mechanism not in _FOUND:
-        _FOUND[mechanism] = _sample(mechanism)
+        jacobians = [dimensionless_jacobian(mechanism, q) for q in generic_postures(mechanism)]
+        ranks = [numerical_rank(jacobian) for jacobian in jacobians]
+        _FOUND[mechanism] = GenericRank(_largest(ranks), ranks[0].value, len(ranks))
     return _FOUND[mechanism]
+
+
+def generic_ranks(mechanism: Mechanism, outputs: tuple[str, ...]) -> GenericRanks:
+    """Generic ranks of inputs and outputs on the closed motions, found once.
+
+    Parameters
+    ----------
+    outputs : tuple of str
+        Some of x y z rx ry rz, in this order; none where nothing is asked of the tip.
+    """
+    found = _RANKS.setdefault(mechanism, {})
+    if outputs not in found:
+        found[outputs] = _ranks(mechanism, outputs)
+    return found[outputs]
 
 
 def dimensionless_jacobian(mechanism: Mechanism, q: np.ndarray) -> np.ndarray:
@@ -50,16 +138,45 @@ def dimensionless_jacobian(mechanism: Mechanism, q: np.ndarray) -> np.ndarray:
     return jacobian * mechanism.column_scale / mechanism.row_scale[:, None]
 
 
-def _sample(mechanism: Mechanism) -> GenericRank:
-    """Largest rank over home and random closed postures near it: rank can only drop elsewhere."""
-    rng = np.random.default_rng(0)
-    home = numerical_rank(dimensionless_jacobian(mechanism, mechanism.home))
-    ranks = [home]
-    for _ in range(SAMPLES):
-        v = SPREAD * rng.standard_normal(mechanism.model.nv) * mechanism.column_scale
-        found = close(mechanism, guess=pin.integrate(mechanism.model, mechanism.home, v))
-        if found.converged:
-            ranks.append(numerical_rank(dimensionless_jacobian(mechanism, found.q)))
+def dimensionless_task(mechanism: Mechanism, q: np.ndarray, outputs: tuple[str, ...]) -> np.ndarray:
+    """J (d, nv) with lengths divided by the characteristic length, at ``q`` (nq,)."""
+    if not outputs:
+        return np.zeros((0, mechanism.model.nv))
+    units = np.array([mechanism.length if name in "xyz" else 1.0 for name in outputs])
+    return task_jacobian(mechanism, q, outputs) * mechanism.column_scale / units[:, None]
+
+
+def _ranks(mechanism: Mechanism, outputs: tuple[str, ...]) -> GenericRanks:
+    r = sampled_rank(mechanism).rank.value
+    inputs, tips = [], []
+    for q in generic_postures(mechanism):
+        basis, rank = null_space(dimensionless_jacobian(mechanism, q))
+        if rank.value != r:
+            continue  # a constraint singularity, with motions that others do not have
+        motions = orthonormal_motions(basis, physical_rates(mechanism, q))
+        inputs.append(motions[mechanism.input_v])
+        tips.append(dimensionless_task(mechanism, q, outputs) @ motions)
+    scale = max((np.linalg.norm(t, 2) for t in tips if t.size), default=0.0)
+    scale = float(scale) if scale > 0.0 else 1.0
+    both = [np.vstack([a, t / scale]) for a, t in zip(inputs, tips, strict=True)]
+    return GenericRanks(
+        motions=mechanism.model.nv - r,
+        inputs=_largest([_rank(a) for a in inputs]),
+        outputs=_largest([_rank(t / scale) for t in tips]),
+        together=_largest([_rank(m) for m in both]),
+        drives=len(mechanism.inputs),
+        output_scale=scale,
+        samples=len(inputs),
+    )
+
+
+def _rank(matrix: np.ndarray) -> Rank:
+    """Rank of a matrix of rates for unit motions, whose natural size is 1."""
+    values = np.linalg.svd(matrix, compute_uv=False) if matrix.size else np.zeros(0)
+    return rank_above(values, RANK_TOLERANCE)
+
+
+def _largest(ranks: list[Rank]) -> Rank:
+    """The largest rank, where its gap is smallest: ranks can only drop elsewhere."""
     best = max(rank.value for rank in ranks)
-    narrow = min((rank for rank in ranks if rank.value == best), key=lambda rank: rank.gap)
-    return GenericRank(narrow, home.value, len(ranks))
+    return min((rank for rank in ranks if rank.value == best), key=lambda rank: rank.gap)

@@ -39,9 +39,14 @@ def rank_of_singular_values(s: np.ndarray, tolerance: float = RANK_TOLERANCE) ->
     """Rank decision from singular values ``s`` in falling order, relative to the largest."""
     if s.size == 0 or s[0] == 0.0:
         return Rank(0, 0.0, 0.0)
-    value = int(np.count_nonzero(s > tolerance * s[0]))
-    below = float(s[value]) if value < s.size else 0.0
-    return Rank(value, float(s[value - 1]), below)
+    return rank_above(s, tolerance * float(s[0]))
+
+
+def rank_above(s: np.ndarray, floor: float) -> Rank:
+    """Rank decision from singular values ``s`` in falling order: those above ``floor`` count."""
+    value = int(np.count_nonzero(s > floor))
+    above = float(s[value - 1]) if value else 0.0
+    return Rank(value, above, float(s[value]) if value < s.size else 0.0)
 
 
 def numerical_rank(matrix: np.ndarray, tolerance: float = RANK_TOLERANCE) -> Rank:
