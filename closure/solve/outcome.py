@@ -36,7 +36,7 @@ class Ending(Enum):
 
     # -- on the way
     FOLD = "fold", "the Jacobian for the prescribed coordinates loses rank"
-    DEGENERATE = "degenerate", "the equations lose rank: the curve has no single direction"
+    DEGENERATE = "degenerate", "the equations lose rank, so that the curve has no single direction"
     SINGULARITY = "singularity", "a singularity was met"
     STUCK = "stuck", "steps became too small with no singularity in sight"
     CONTRADICTION = "contradiction", "the path contradicts the loops"
@@ -94,7 +94,7 @@ class Outcome:
     q : (n, nq) array
         The solution, or the last good posture; write-protected like the rest.
     residual : (n,) array
-        Largest row of all equations [m or rad].
+        Largest row of all equations, in the unit of the solver's rows [m or rad; or none].
     branch : (n,) array of int
         Sign of the determinant of the equations; 0 where they are singular or not square.
     codes : (n,) array of int
@@ -131,6 +131,17 @@ class Outcome:
     def converged(self) -> np.ndarray:
         """Which ones are what was asked for, (n,) of bool."""
         return np.asarray(np.isin(self.codes, _GOOD))
+
+    @property
+    def good(self) -> bool:
+        """Whether all of them are what was asked for."""
+        return bool(self.converged.all())
+
+    @property
+    def posture(self) -> np.ndarray:
+        """The only posture (nq,); raises ``ValueError`` where there are more."""
+        (posture,) = self.q
+        return np.asarray(posture)
 
     @property
     def endings(self) -> tuple[Ending, ...]:

@@ -14,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import pinocchio as pin
@@ -105,7 +106,7 @@ class Follower:
 
     def _sampled(self, g: Graph, inputs: int, nq: int, first: int) -> np.ndarray:
         """Values (inputs, n) of the tape's inputs at the samples, both ends of the way there."""
-        q = self.problem.samples
+        q = self.problem.regular
         rng = np.random.default_rng(1)
         near = [
             pin.integrate(
@@ -272,7 +273,7 @@ def control(
         "take": take,
         "back": back,
     }
-    return after, after["status"] < 0.0
+    return after, running & (after["status"] < 0.0)
 
 
 def _share(names: dict[str, Expr]) -> Expr:
@@ -294,3 +295,13 @@ def _largest(g: Graph, rows: Rows, which: Sequence[int]) -> Expr:
     for r in which:
         found = found.max(rows.units[r] * abs(rows.values[r]))
     return found
+
+
+_FOLLOWERS: WeakKeyDictionary[Problem, Follower] = WeakKeyDictionary()
+
+
+def follower_of(problem: Problem) -> Follower:
+    """Machine code of a problem, made once."""
+    if problem not in _FOLLOWERS:
+        _FOLLOWERS[problem] = Follower(problem)
+    return _FOLLOWERS[problem]

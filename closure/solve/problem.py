@@ -26,8 +26,11 @@ from closedchain.urdf.description import OUTPUTS
 POSE = 7
 """Numbers of a target pose: origin [m], quaternion x y z w, as ``pin.SE3ToXYZQUAT``."""
 
-INDEPENDENT = 1e-7
-"""Share of the largest singular value below which rows depend on each other in every sample."""
+DEPENDENT = 1e-8
+"""Share of the largest singular value below which rows depend on each other."""
+
+WELL_AWAY = 1e-3
+"""Share of the largest singular value that the smallest has at a sample fit to choose pivots."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,19 +99,37 @@ class Problem:
         return closed_samples(self.mechanism)
 
     @cached_property
+    def regular(self) -> np.ndarray:
+        """Samples (n, nq) at which the Jacobian has its largest rank, well away from losing it."""
+        return np.asarray(self.samples[self._regular])
+
+    @cached_property
+    def _regular(self) -> np.ndarray:
+        """Which samples those are, (n,) of bool; the best where none is well away."""
+        values = np.linalg.svd(self.sampled_jacobians, compute_uv=False)
+        if not values.size:
+            return np.ones(len(self.samples), dtype=bool)
+        shares = values / np.maximum(values[:, :1], 1e-300)
+        rank = int((shares > DEPENDENT).sum(axis=1).max())
+        if rank == 0:
+            return np.ones(len(self.samples), dtype=bool)
+        least = shares[:, rank - 1]
+        return np.asarray(least > min(WELL_AWAY, 0.5 * float(least.max())))
+
+    @cached_property
     def kept(self) -> tuple[int, ...]:
         """Independent rows: as many as the rank of the Jacobian over the samples.
 
         The others vanish where these do, near the samples; solvers check them, they do not solve
         them.
         """
-        matrices = self.sampled_jacobians
-        rank = int(max(np.linalg.matrix_rank(a, INDEPENDENT * _norm(a)) for a in matrices))
+        matrices = self.sampled_jacobians[self._regular]
         rows = matrices.shape[1]
-        if rank == rows:
-            return tuple(range(rows))
-        full = [a for a in matrices if np.linalg.matrix_rank(a, INDEPENDENT * _norm(a)) == rank]
-        return independent_rows(np.array(full), rank)
+        if 0 in matrices.shape:
+            return ()
+        values = np.linalg.svd(matrices, compute_uv=False)
+        rank = int((values > DEPENDENT * values[:, :1]).sum(axis=1).max())
+        return tuple(range(rows)) if rank == rows else independent_rows(matrices, rank)
 
     @cached_property
     def sampled_jacobians(self) -> np.ndarray:
@@ -173,10 +194,6 @@ def flat_poses(poses: Sequence[pin.SE3]) -> np.ndarray:
 def pose_of(numbers: Sequence[Expr], length: float) -> Pose:
     """Pose with its origin in lengths, from its POSE numbers."""
     return rotation(numbers[3:7]), [(1.0 / length) * x for x in numbers[:3]]
-
-
-def _norm(a: np.ndarray) -> float:
-    return float(np.linalg.norm(a, 2)) if a.size else 1.0
 
 
 def independent_rows(matrices: np.ndarray, rank: int) -> tuple[int, ...]:
