@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from closedchain.analysis.first_order import FirstOrder, first_order
 from closedchain.analysis.singularity.classify import SINGULAR
+from closedchain.analysis.structure.driving import driving
 from closedchain.analysis.structure.mobility import generic_rank
 from closedchain.analysis.velocity import velocity
 from closedchain.closure.mechanism import Mechanism, finite_vector
@@ -281,7 +282,10 @@ def _text(
             f"degree {surplus}. It adds no motion; rates of the inputs must agree with the loops."
         )
     if surplus < 0:
-        lines.append(f"  {len(mechanism.inputs)} inputs for {mobility} freedoms: {-surplus} idle.")
+        lines.append(
+            f"  {len(mechanism.inputs)} inputs for {mobility} freedoms: {-surplus} not driven."
+        )
+        lines.extend(f"  {sentence}" for sentence in driving(mechanism, at.outputs))
     if surplus == 0 and twist_map is None:
         lines.append("  the inputs do not determine the motion: no choice of inputs to lock.")
     if locks:

@@ -7,24 +7,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from closedchain.analysis.singularity.kinds import COMBINED, KINDS
 from closedchain.urdf.errors import ClosureError, known_names
 
 if TYPE_CHECKING:
     import xarray as xr
 
-# Okabe and Ito's palette: told apart with any colour vision
-COLOURS = {
-    "direct": "#D55E00",
-    "inverse": "#0072B2",
-    "combined": "#000000",
-    "constraint": "#009E73",
-}
-KIND_LABELS = {
-    "direct": "direct singularities (type 2)",
-    "inverse": "inverse singularities (type 1)",
-    "combined": "combined (type 3)",
-    "constraint": "constraint singularities",
-}
+_DRAWN = (KINDS["direct"], KINDS["inverse"], COMBINED, KINDS["constraint"])
+COLOURS = {kind.name: kind.colour for kind in _DRAWN}
+KIND_LABELS = {kind.name: kind.label for kind in _DRAWN}
 GREY = "#888888"
 
 
@@ -64,8 +55,8 @@ class Measure:
 
 
 MEASURES = {
-    "sigma_direct": Measure(r"$\sigma_{\min}(K_p)$", "direct", "zero"),
-    "sigma_inverse": Measure(r"$\sigma_{\min}([K; J])$", "inverse", "zero"),
+    "sigma_direct": Measure(r"$\sigma_{\mathrm{direct}}$", "direct", "zero"),
+    "sigma_inverse": Measure(r"$\sigma_{\mathrm{inverse}}$", "inverse", "zero"),
     "sigma_constraint": Measure(r"$\sigma_{\min}(K)$", "constraint", "zero"),
     "det_direct": Measure(r"$\det K_p$", "direct", "signed"),
     "det_inverse": Measure(r"$\det\,[K; J]$", "inverse", "signed"),

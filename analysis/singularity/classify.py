@@ -1,28 +1,38 @@
-"""Which kinds of singularity a posture shows, by the ranks of K and J.
+"""Which kinds of singularity a posture shows, and of which types, with the evidence.
 
-K is the constraint Jacobian with generic rank r, p its columns that are no inputs, J the task
-Jacobian with d rows:
-
-* constraint: rank K < r. The mechanism itself gains mobility, or branches.
-* direct (type 2): rank K_p < min(r, n_p). Something moves with all inputs locked.
-* inverse (type 1): rank [K; J] < r + d. Some output cannot be produced.
-* direct and inverse together: combined (type 3).
+Kinds and types are tables in ``kinds``, the measures are defined in ``rank_loss``.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from closedchain.analysis.first_order import FirstOrder, first_order, moving_joints, tip_twists
+from closedchain.analysis.singularity.kinds import TYPES, kinds_of, title, types_of
+from closedchain.analysis.singularity.rank_loss import (
+    ClosedMotions,
+    Ranks,
+    closed_motions,
+    entry,
+    ranks_of,
+    sigma_direct,
+    sigma_inverse,
+)
+from closedchain.analysis.structure.driving import driving
 from closedchain.analysis.structure.mobility import generic_rank
+from closedchain.closure.generic import generic_ranks
+from closedchain.closure.joint_rates import physical_rates
 from closedchain.closure.mechanism import Mechanism
-from closedchain.closure.ranks import null_space
+from closedchain.closure.ranks import Rank, rank_of_singular_values
+from closedchain.urdf.description import OUTPUTS
 
 SINGULAR = 1e-8
-"""Share of the largest singular value below which one counts as zero."""
+"""Share of its scale below which a singular value counts as zero."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,22 +43,34 @@ class Classification:
     ----------
     kinds : frozenset of str
         Some of "direct", "inverse", "constraint"; the first two together are combined.
-    sigma_direct, sigma_inverse, sigma_constraint : float
-        The dimensionless singular value that vanishes there: number min(r, n_p) of K_p, r + d of
-        [K; J], r of K. 0 where the matrix is too small to have it.
+    types : frozenset of str
+        Zlatanov's types, some of "RI", "RO", "II", "IO", "IIM", "RPM".
+    sigma_direct, sigma_inverse : float
+        Dimensionless singular values of the input and output rates of unit closed motions, 0 at
+        direct and inverse singularities: how much the inputs must move, and the outputs can, when
+        the joints move at a rate of 1. They do not depend on which joints were cut.
+    sigma_constraint : float
+        Singular value r of the dimensionless K, 0 at constraint singularities. It detects, and is
+        no distance: its size depends on what was cut.
     det_direct, det_inverse : float or None
         Signed determinants of the dimensionless K_p and [K; J]; None where they are not square.
-        With redundant closure rows det_direct has no sign, see ``determinants``.
+        With redundant closure rows det_direct has no sign, see ``determinants``. Only signs and
+        zeros mean something.
     free_twists : (6, k) array
         Tip twists (linear, angular) [m/s, rad/s], world-aligned at the tip, of the motions that
-        remain with all inputs locked; a zero column moves legs only.
+        remain with all inputs locked, at a joint rate of 1, the largest first; a zero column moves
+        legs only. None unless the posture is direct.
     lost_twists : (d, k) array
-        Combinations of outputs that cannot be produced: orthonormal in dimensionless outputs.
+        Combinations of outputs that cannot be produced: orthonormal in dimensionless outputs. None
+        unless the posture is inverse.
+    ranks : mapping of kind to Rank
+        The decision for each kind with its gap: of A, T and K, see ``rank_loss``.
     outputs : tuple of str
     text : str
     """
 
     kinds: frozenset[str]
+    types: frozenset[str]
     sigma_direct: float
     sigma_inverse: float
     sigma_constraint: float
@@ -56,6 +78,7 @@ class Classification:
     det_inverse: float | None
     free_twists: np.ndarray
     lost_twists: np.ndarray
+    ranks: Mapping[str, Rank]
     outputs: tuple[str, ...]
     text: str
 
@@ -80,7 +103,7 @@ def classify(
     outputs : str, optional
         Such as "x y z rx rz"; those of the task by default.
     tolerance : float
-        Singular values below this share of the largest count as zero. A posture known to n digits
+        Singular values below this share of their scale count as zero. A posture known to n digits
         shows values of the order 10**-n on a singular set.
 
     Raises
@@ -89,23 +112,22 @@ def classify(
         Malformed or open posture, unknown outputs, no task.
     """
     at = first_order(mechanism, q, outputs)
-    r, p = generic_rank(mechanism), mechanism.passive_v
-    sigma, largest = measures(at, r)
-    kinds = frozenset(kind for kind in sigma if sigma[kind] <= tolerance * largest[kind])
+    generic = generic_ranks(mechanism, at.outputs)
+    closures, basis, sigma_constraint = _null_space(at, tolerance)
+    v = closed_motions(mechanism, basis, physical_rates(mechanism, at.q), at.J)
+    ranks = ranks_of(v, closures, generic, tolerance)
+    kinds, types = kinds_of(ranks, generic), types_of(ranks, generic)
+    free, lost = _free(at, v, ranks, kinds), _lost(v, ranks, kinds)
+    sigma = {
+        "direct": float(sigma_direct(v, generic)),
+        "inverse": float(sigma_inverse(v, generic)),
+        "constraint": sigma_constraint,
+    }
     found = determinants(mechanism, at.K[None], at.J[None])
     dets = {kind: None if value is None else float(value[0]) for kind, value in found.items()}
-    free = np.zeros((mechanism.model.nv, 0))
-    if "direct" in kinds:
-        motions, _ = null_space(at.K_passive, tolerance)
-        free = np.zeros((mechanism.model.nv, motions.shape[1]))
-        free[p] = motions * at.column_unit[p, None]
-    lost = np.zeros((len(at.outputs), 0))
-    if "inverse" in kinds:
-        least = 0 if "constraint" in kinds else 1
-        lost = _lost(at, tolerance, tolerance * largest["inverse"], least)
-        lost *= np.sign(lost[np.abs(lost).argmax(axis=0), range(lost.shape[1])])
     return Classification(
         kinds=kinds,
+        types=types,
         sigma_direct=sigma["direct"],
         sigma_inverse=sigma["inverse"],
         sigma_constraint=sigma["constraint"],
@@ -113,38 +135,46 @@ def classify(
         det_inverse=dets["inverse"],
         free_twists=tip_twists(mechanism, at.q, free),
         lost_twists=lost,
+        ranks=MappingProxyType(
+            {"direct": ranks.inputs, "inverse": ranks.outputs, "constraint": ranks.closures}
+        ),
         outputs=at.outputs,
-        text=_text(mechanism, at, kinds, sigma, free, lost),
+        text=_text(at, kinds, types, sigma, free, lost),
     )
 
 
-def _lost(at: FirstOrder, tolerance: float, floor: float, least: int) -> np.ndarray:
-    """Combinations of outputs (d, k) that no closed motion produces, ``least`` of them or more.
-
-    The singular value of [K; J] decides whether there is one; here the matrix is another, and near
-    the tolerance a decision of its own could contradict it.
-    """
-    possible, _ = null_space(at.K, tolerance)
-    u, s, _ = np.linalg.svd(at.J @ possible)
-    produced = min(int(np.count_nonzero(s > floor)), max(s.size - least, 0))
-    return np.ascontiguousarray(u[:, produced:])
+def _null_space(at: FirstOrder, tolerance: float) -> tuple[Rank, np.ndarray, float]:
+    """Rank of K, a basis (nv, m) of its null space, and sigma_constraint."""
+    r, nv = generic_rank(at.mechanism), at.mechanism.model.nv
+    if not at.K.shape[0]:
+        return Rank(0, 0.0, 0.0), np.eye(nv), 1.0
+    _, s, vt = np.linalg.svd(at.K)
+    rank = rank_of_singular_values(s, tolerance)
+    return rank, np.ascontiguousarray(vt[min(rank.value, r) :].T), float(entry(s, r))
 
 
-def measures(at: FirstOrder, r: int) -> tuple[dict[str, float], dict[str, float]]:
-    """The singular value that each kind watches, and the largest of the same matrix."""
-    rank_direct = min(r, at.mechanism.passive_v.size)
-    watched = {
-        "direct": (at.K_passive, rank_direct),
-        "inverse": (at.stacked, r + len(at.outputs)),
-        "constraint": (at.K, r),
-    }
-    sigma, largest = {}, {}
-    for kind, (matrix, number) in watched.items():
-        values = np.linalg.svd(matrix, compute_uv=False) if matrix.size else np.zeros(0)
-        none = 1.0 if number == 0 else 0.0  # nothing that could lose rank, or too few of them
-        sigma[kind] = float(values[number - 1]) if 0 < number <= values.size else none
-        largest[kind] = float(values[0]) if values.size else 1.0
-    return sigma, largest
+def _free(at: FirstOrder, v: ClosedMotions, ranks: Ranks, kinds: frozenset[str]) -> np.ndarray:
+    """Motions (nv, k) [m/s, rad/s] with all inputs locked, those that move the tip most first."""
+    if "direct" not in kinds:
+        return np.zeros((v.motions.shape[0], 0))
+    free = v.motions
+    if v.inputs.shape[0]:
+        _, _, wt = np.linalg.svd(v.inputs)
+        free = v.motions @ wt[ranks.inputs.value :].T
+    free = free * at.column_unit[:, None]
+    units = np.array([at.mechanism.length if name in "xyz" else 1.0 for name in OUTPUTS])
+    _, _, turn = np.linalg.svd(tip_twists(at.mechanism, at.q, free) / units[:, None])
+    return np.asarray(free @ turn.T)
+
+
+def _lost(v: ClosedMotions, ranks: Ranks, kinds: frozenset[str]) -> np.ndarray:
+    """Combinations of outputs (d, k) that no closed motion produces, largest entries positive."""
+    if "inverse" not in kinds:
+        return np.zeros((v.outputs.shape[0], 0))
+    u, _, _ = np.linalg.svd(v.outputs)
+    lost = u[:, ranks.outputs.value :]
+    lost = lost * np.sign(lost[np.abs(lost).argmax(axis=0), range(lost.shape[1])])
+    return np.ascontiguousarray(lost)
 
 
 def determinants(
@@ -205,27 +235,24 @@ def row_combination(mechanism: Mechanism, closures: np.ndarray) -> np.ndarray:
 
 
 def _text(
-    mechanism: Mechanism,
     at: FirstOrder,
     kinds: frozenset[str],
+    types: frozenset[str],
     sigma: dict[str, float],
     free: np.ndarray,
     lost: np.ndarray,
 ) -> str:
-    name = "regular"
-    if {"direct", "inverse"} <= kinds:
-        name = "combined singularity (direct and inverse, type 3)"
-    elif "direct" in kinds:
-        name = "direct singularity (type 2)"
-    elif "inverse" in kinds:
-        name = "inverse singularity (type 1)"
-    if "constraint" in kinds:
-        name = "constraint singularity" if kinds == {"constraint"} else f"{name}, and constraint"
-    listed = ", ".join(f"{kind} {value:.3g}" for kind, value in sigma.items())
+    mechanism = at.mechanism
+    listed = ", ".join(
+        f"{kind} {value:.3g}" + " (vanishes)" * (kind in kinds) for kind, value in sigma.items()
+    )
     lines = [
-        f"{mechanism.name}: {name}, outputs {' '.join(at.outputs)}.",
-        f"  vanishing singular values: {listed}",
+        f"{mechanism.name}: {title(kinds)}, outputs {' '.join(at.outputs)}.",
+        f"  singular values: {listed}",
     ]
+    if types:
+        named = ", ".join(f"{name} {TYPES[name].title}" for name in TYPES if name in types)
+        lines.append(f"  types: {named}")
     twists = tip_twists(mechanism, at.q, free)
     for motion, twist in zip(free.T, twists.T, strict=True):
         moves = ", ".join(moving_joints(mechanism, motion))
@@ -233,6 +260,7 @@ def _text(
         what = "the tip stays at rest" if still else f"the tip moves with {_numbers(twist)}"
         lines.append(f"  inputs locked, {what}; moving: {moves}")
     lines.extend(f"  lost output combination {_numbers(twist)}" for twist in lost.T)
+    lines.extend(f"  {sentence}" for sentence in driving(mechanism, at.outputs))
     return "\n".join(lines)
 
 

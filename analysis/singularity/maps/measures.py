@@ -1,20 +1,33 @@
-"""The measures of a map at many postures: singular values, determinants, condition, residual."""
+"""The measures of a map at many postures: singular values, determinants, condition, residual.
+
+With LAPACK, one call for many postures; what they are stands in ``singularity.rank_loss``.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
 from closedchain.analysis.first_order import first_order
-from closedchain.analysis.singularity.classify import determinants
+from closedchain.analysis.singularity.classify import SINGULAR, determinants
+from closedchain.analysis.singularity.kinds import KINDS as TABLE
+from closedchain.analysis.singularity.rank_loss import (
+    closed_motions,
+    condition,
+    entry,
+    sigma_direct,
+    sigma_inverse,
+)
 from closedchain.analysis.structure.mobility import generic_rank
 from closedchain.closure.chart import Chart
+from closedchain.closure.generic import GenericRanks, generic_ranks
+from closedchain.closure.joint_rates import physical_rates
 from closedchain.closure.mechanism import Mechanism
 
 CHUNK = 1024  # postures whose matrices are held at once
-KINDS = ("direct", "inverse", "constraint")
+KINDS = tuple(TABLE)
 LONG_NAMES = {
-    "sigma_direct": "singular value of K_p that vanishes at direct singularities",
-    "sigma_inverse": "singular value of [K; J] that vanishes at inverse singularities",
+    "sigma_direct": "input rates of the closed motion that needs the least, 0 at direct ones",
+    "sigma_inverse": "output rates in the direction hardest to produce, 0 at inverse ones",
     "sigma_constraint": "singular value of K that vanishes at constraint singularities",
     "det_direct": "determinant of K_p",
     "det_inverse": "determinant of [K; J]",
@@ -49,30 +62,47 @@ def _chunk(
     mechanism: Mechanism, postures: np.ndarray, outputs: tuple[str, ...], *, empty: bool = False
 ) -> dict[str, np.ndarray]:
     """Measures of a few postures, with one LAPACK call over all of them for each matrix."""
-    n, r, d = len(postures), generic_rank(mechanism), len(outputs)
-    stacked = np.empty((n, mechanism.rows + d, mechanism.model.nv))
-    residual = np.empty(n)
+    n, rows, nv = len(postures), mechanism.rows, mechanism.model.nv
+    closures, task = np.empty((n, rows, nv)), np.empty((n, len(outputs), nv))
+    rates, residual = [], np.empty(n)
     for i, q in enumerate(postures):
-        stacked[i] = first_order(mechanism, q, outputs).stacked
+        at = first_order(mechanism, q, outputs)
+        closures[i], task[i] = at.K, at.J
+        rates.append(physical_rates(mechanism, q))
         residual[i] = np.abs(mechanism.workspace.residual(q)).max(initial=0.0)
-    closures, p = stacked[:, : mechanism.rows], mechanism.passive_v
-    passive = closures[:, :, p]
-    watched = {
-        "direct": (passive, min(r, p.size)),
-        "inverse": (stacked, r + d),
-        "constraint": (closures, r),
-    }
-    found = {}
-    for kind, (matrices, number) in watched.items():
-        values = np.linalg.svd(matrices, compute_uv=False)
-        none = np.full(n, 1.0 if number == 0 else 0.0)
-        in_range = 0 < number <= values.shape[1]
-        found[f"sigma_{kind}"] = values[:, number - 1] if in_range else none
-    signed = determinants(mechanism, closures, stacked[:, mechanism.rows :])
+    generic = generic_ranks(mechanism, outputs)
+    found = _on_closed_motions(mechanism, closures, np.array(rates), task, generic)
+    signed = determinants(mechanism, closures, task)
     found |= {f"det_{kind}": values for kind, values in signed.items() if values is not None}
-    found["condition"] = condition_numbers(mechanism, closures, stacked[:, mechanism.rows :], r)
     found["residual"] = residual
     return {name: values[:0] for name, values in found.items()} if empty else found
+
+
+def _on_closed_motions(
+    mechanism: Mechanism,
+    closures: np.ndarray,
+    rates: np.ndarray,
+    task: np.ndarray,
+    generic: GenericRanks,
+) -> dict[str, np.ndarray]:
+    """Sigmas and condition (n,) of K (n, rows, nv), P (n, k, nv) and J (n, d, nv)."""
+    n, nv = len(closures), closures.shape[-1]
+    r = nv - generic.motions
+    if closures.shape[1]:
+        _, s, vt = np.linalg.svd(closures)
+    else:
+        s, vt = np.zeros((n, 0)), np.broadcast_to(np.eye(nv), (n, nv, nv))
+    ranks = np.minimum((s > SINGULAR * s[:, :1]).sum(axis=1), r)
+    of = {"sigma_direct": sigma_direct, "sigma_inverse": sigma_inverse, "condition": condition}
+    found = {name: np.empty(n) for name in of}
+    found["sigma_constraint"] = entry(s, r)
+    for rank in np.unique(ranks):  # almost always r; less at constraint singularities
+        here = ranks == rank
+        basis = vt[here, rank:].swapaxes(1, 2)
+        v = closed_motions(mechanism, basis, rates[here], task[here])
+        for name, measure in of.items():
+            found[name][here] = measure(v, generic)
+    return found
 
 
 def oriented(chart: Chart, found: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
@@ -90,40 +120,3 @@ def oriented(chart: Chart, found: dict[str, np.ndarray]) -> dict[str, np.ndarray
     direct, inverse = found["det_direct"], found["det_inverse"]
     signed = np.where(inverse < 0.0, -direct, direct)
     return found | {"det_direct": signed, "det_inverse": np.abs(inverse)}
-
-
-def condition_numbers(
-    mechanism: Mechanism, closures: np.ndarray, task: np.ndarray, r: int
-) -> np.ndarray:
-    """Condition numbers (n,) of the dimensionless twist map, tip rates from input rates.
-
-    With N spanning the null space of K, the closed motions are N c, their input rates A c and tip
-    rates B c, A = N_a, B = J N. The twist map takes A c to B c. It is judged on the input rates
-    that the loops allow, and idle freedoms, which move neither inputs nor tip, are left out.
-
-    Parameters
-    ----------
-    closures : (n, rows, nv) array
-        K.
-    task : (n, d, nv) array
-        J.
-    r : int
-        Generic rank of K.
-    """
-    _, _, vt = np.linalg.svd(closures)
-    motions = vt[:, r:].swapaxes(1, 2)
-    moved = task @ motions
-    _, s, wt = np.linalg.svd(motions[:, mechanism.input_v], full_matrices=False)
-    kept = min(mechanism.input_v.size, motions.shape[2])
-    if kept == 0 or task.shape[1] == 0:
-        return np.full(len(closures), np.inf)
-    tiny = np.finfo(float).tiny
-    least = s[:, :kept]
-    regular = least[:, -1] > tiny
-    scale = np.where(regular[:, None], least, 1.0)
-    values = np.linalg.svd(
-        moved @ wt[:, :kept].swapaxes(1, 2) / scale[:, None, :], compute_uv=False
-    )
-    regular &= values[:, -1] > tiny * values[:, 0]
-    last = np.where(regular, values[:, -1], 1.0)
-    return np.where(regular, values[:, 0] / last, np.inf)

@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from closedchain.analysis.first_order import first_order
-from closedchain.analysis.singularity.classify import SINGULAR, measures
+from closedchain.analysis.singularity.classify import SINGULAR
 from closedchain.analysis.singularity.maps.grid import OK, Grid, Progress
 from closedchain.analysis.singularity.maps.measures import KINDS
-from closedchain.analysis.structure.mobility import generic_rank
 from closedchain.closure.chart import Chart
+from closedchain.closure.generic import generic_ranks
 
 if TYPE_CHECKING:
     from closedchain.analysis.singularity.maps.kernel_cells import KernelCells
@@ -124,7 +124,10 @@ def lattice_of(grid: Grid, arrays: Mapping[str, np.ndarray], outputs: tuple[str,
     """Lattice of the arrays of a map that kept its postures: "status", "q" and the measures."""
     mechanism = grid.chart.mechanism
     at = first_order(mechanism, grid.start, outputs)
-    largest = measures(at, generic_rank(mechanism))[1]
+    largest = dict.fromkeys(KINDS, 1.0)
+    if at.K.size:
+        largest["constraint"] = float(np.linalg.norm(at.K, 2))
+    largest["inverse"] = generic_ranks(mechanism, outputs).output_scale
     sigma = {k: np.asarray(arrays[f"sigma_{k}"]) for k in KINDS if f"sigma_{k}" in arrays}
     det = {k: np.asarray(arrays[f"det_{k}"]) for k in KINDS if f"det_{k}" in arrays}
     with np.errstate(invalid="ignore"):
