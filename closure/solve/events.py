@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -79,7 +79,7 @@ class Sight(Protocol):
     def vanished(self) -> bool:
         """Whether the size is zero to rounding."""
 
-    def parted_from(self, other: Sight) -> float:
+    def parted_from(self, other: Any, /) -> float:
         """-1 where the sign differs from that of ``other``, 1 where not, 0 where there is none."""
 
 

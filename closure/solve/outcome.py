@@ -70,6 +70,11 @@ class Ending(Enum):
         """Ending with a ``code``; raises ``IndexError`` for others."""
         return _BY_CODE[code]
 
+    @classmethod
+    def named(cls, word: str) -> Ending:
+        """Ending with a ``word``; raises ``KeyError`` for others."""
+        return _BY_WORD[word]
+
     @property
     def word(self) -> str:
         """Its word in public results."""
@@ -82,6 +87,7 @@ class Ending(Enum):
 
 
 _BY_CODE = tuple(Ending)
+_BY_WORD = {e.word: e for e in Ending}
 _GOOD = tuple(e.code for e in Ending if e.good)
 
 

@@ -11,8 +11,8 @@ import closedchain as cc
 from closedchain.analysis.singularity.sets.bordered import Measure
 from closedchain.analysis.singularity.sets.singular_set import wanted
 from closedchain.analysis.singularity.sets.slices import Slice
-from closedchain.analysis.singularity.tracing.path import Bound, settle
 from closedchain.closure import mechanism_from_description
+from closedchain.closure.solve.solution_set import Bound, settle
 
 RESIDUAL = 1e-10
 
@@ -77,8 +77,8 @@ def at_value(
     index = m.model.nq + i
     bound = Bound(index, column, float(chart.scale[i]), value, value, name)
     z = settle(system, system.point(found.q[start], found.coordinates[start]), [(bound, value)])
-    assert z is not None
-    return system.coordinates(z)
+    assert z.good
+    return system.coordinates(z.posture)
 
 
 def with_inputs(m: cc.Mechanism, *joints: str) -> cc.Mechanism:

@@ -12,10 +12,10 @@ import closedchain as cc
 from closedchain.analysis.singularity.sets.bordered import Measure, corner
 from closedchain.analysis.singularity.sets.curves import is_everywhere
 from closedchain.analysis.singularity.sets.slices import Slice
-from closedchain.analysis.singularity.tracing.corrector import settle
-from closedchain.analysis.singularity.tracing.joining import joined
-from closedchain.analysis.singularity.tracing.path import Bound, tangents, trace
 from closedchain.closure.charting import chart_of
+from closedchain.closure.solve.curve import trace
+from closedchain.closure.solve.joining import joined
+from closedchain.closure.solve.solution_set import Bound, settle, tangents
 
 EDGE = "edge of the range"
 
@@ -98,7 +98,7 @@ def test_none_of_the_equations_escapes_as_an_error() -> None:
     assert path.end == "degenerate"
     assert path.points[-1][0] == pytest.approx(0.5, abs=1e-5)
     assert trace(Twice(), np.ones(2), np.array([1.0, 0.0]), np.full(2, 0.1)).end == "degenerate"
-    assert settle(Twice(), np.ones(2)) is None
+    assert not settle(Twice(), np.ones(2)).good
 
 
 # -- Eclipse-II: S_a at the centre of the guide takes two inputs of the leg their effect -----------

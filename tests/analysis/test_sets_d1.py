@@ -10,8 +10,8 @@ import closedchain as cc
 from closedchain.analysis.singularity.maps.grid import OK
 from closedchain.analysis.singularity.sets.bordered import Measure
 from closedchain.analysis.singularity.sets.slices import Slice
-from closedchain.analysis.singularity.tracing.path import settle
 from closedchain.closure.charting import chart_of
+from closedchain.closure.solve.solution_set import settle
 from closedchain.robots.d1 import Pose, geometry, planes1, planes2, scaled_screws
 
 G = geometry()
@@ -213,8 +213,8 @@ def rank_four(d1: cc.Mechanism) -> np.ndarray:
     measure = Measure(d1, "inverse", d1.outputs(AXIS_TASK))
     system = Slice(chart_of(d1, ("q1", "q2", "q4", "q5"), start), (measure,))
     z = settle(system, system.point(start))
-    assert z is not None
-    return system.posture(z)
+    assert z.good
+    return system.posture(z.posture)
 
 
 @pytest.mark.slow

@@ -6,13 +6,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from closedchain.analysis.motion.self_motion.folds import direct_singularities
+from closedchain.analysis.motion.self_motion.folds import direct_singularity
 from closedchain.analysis.motion.self_motion.held_task import HeldTask
-from closedchain.analysis.singularity.tracing import joining
-from closedchain.analysis.singularity.tracing.path import Path
+from closedchain.closure.solve.events import along
+from closedchain.closure.solve.joining import Joined
+from closedchain.closure.solve.outcome import Ending
 from closedchain.urdf.errors import ClosureError
 
-CLOSED, DEGENERATE, DIRECT = "closed", "degenerate", "direct singularity"
+CLOSED, DEGENERATE = Ending.CLOSED.word, Ending.DEGENERATE.word
+SINGULARITY = Ending.SINGULARITY.word
 LOOSE = 1e-9  # residual at which a curve of singular postures is no self-motion any more
 
 
@@ -26,7 +28,7 @@ class Curve:
     start : int
         Index of the start.
     ends : (str, str)
-        As the tracer has them, or ``DIRECT``.
+        In words, as the tracer has them, or that of ``Ending.SINGULARITY``.
     crossings, singular : tuples of int
         Branch points and direct singularities.
     """
@@ -60,16 +62,14 @@ class Curve:
 
         points = (*self.points[first:], *self.points[: first + 1])
         singular = (*moved(self.singular), n)
-        return Curve(
-            points, (self.start - first) % n, (DIRECT, DIRECT), moved(self.crossings), singular
-        )
+        ends = SINGULARITY, SINGULARITY
+        return Curve(points, (self.start - first) % n, ends, moved(self.crossings), singular)
 
 
-def joined(system: HeldTask, behind: Path, ahead: Path) -> Curve:
-    """One curve from two paths that leave the same point; a loop where they meet again."""
-    both = joining.joined(system, behind, ahead)
-    points = tuple(system.polished(z) for z in both.points)
-    return Curve(points, both.start, both.ends, both.crossings)
+def polished(system: HeldTask, traced: Joined) -> Curve:
+    """A traced curve with the last rounding taken out of its points."""
+    points = tuple(system.polished(z) for z in traced.points)
+    return Curve(points, traced.start, traced.ends, traced.crossings)
 
 
 def while_closed(system: HeldTask, curve: Curve) -> Curve:
@@ -91,7 +91,7 @@ def while_closed(system: HeldTask, curve: Curve) -> Curve:
 
 def marked(system: HeldTask, curve: Curve) -> Curve:
     """The curve with its direct singularities among its points."""
-    here, between = direct_singularities(system, curve.points, closed=curve.closed)
+    here, between = along(curve.points, direct_singularity(system), closed=curve.closed)
     points, start, crossings, singular = list(curve.points), curve.start, curve.crossings, here
     for i, z in reversed(between):
         points.insert(i + 1, z)
@@ -124,5 +124,5 @@ def driven(curve: Curve) -> Curve:
     return curve.cut(
         max(before, default=0),
         min(after, default=len(curve.points) - 1),
-        (DIRECT if before else curve.ends[0], DIRECT if after else curve.ends[1]),
+        (SINGULARITY if before else curve.ends[0], SINGULARITY if after else curve.ends[1]),
     )

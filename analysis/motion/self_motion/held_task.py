@@ -8,10 +8,11 @@ from functools import cached_property
 import numpy as np
 import pinocchio as pin
 
-from closedchain.analysis.singularity.tracing.path import Bound
-from closedchain.analysis.singularity.tracing.turns import turning, without_turns
 from closedchain.closure.equations import Equations
 from closedchain.closure.mechanism import Mechanism
+from closedchain.closure.solve.outcome import Ending
+from closedchain.closure.solve.solution_set import Bound
+from closedchain.closure.turns import turning, without_turns
 
 BRANCHING = 1e-4  # singular values below this are not divided by: a branch point stays in place
 
@@ -87,6 +88,7 @@ class HeldTask:
                 lower=float(lower[joint.idx_q]),
                 upper=float(upper[joint.idx_q]),
                 label=driven.get(joint.idx_q, m.model.names[joint.id]),
+                ending=Ending.LIMIT,
             )
             for joint in list(m.model.joints)[1:]
             if joint.nq == 1

@@ -15,25 +15,25 @@ from numpy.typing import ArrayLike
 
 from closedchain.analysis.first_order import first_order
 from closedchain.analysis.motion.self_motion.curve import (
-    CLOSED,
-    DIRECT,
     Curve,
     driven,
-    joined,
     marked,
+    polished,
     while_closed,
 )
 from closedchain.analysis.motion.self_motion.held_task import HeldTask
 from closedchain.analysis.motion.self_motion.result import End, SelfMotion
 from closedchain.analysis.singularity.classify import classify
 from closedchain.analysis.singularity.maps.measures import measures_at
-from closedchain.analysis.singularity.tracing.path import Path, settle, trace
 from closedchain.analysis.structure.mobility import generic_rank
 from closedchain.closure.chart import joint_index, joint_names
 from closedchain.closure.equations import Equations
 from closedchain.closure.mechanism import Mechanism
 from closedchain.closure.nearest import beyond_limits
 from closedchain.closure.ranks import null_space
+from closedchain.closure.solve.joining import both_ways
+from closedchain.closure.solve.outcome import Ending
+from closedchain.closure.solve.solution_set import settle
 from closedchain.closure.task import goal
 from closedchain.urdf.description import OUTPUTS
 from closedchain.urdf.errors import ClosureError, known_names
@@ -90,8 +90,8 @@ def self_motion(
         raise ClosureError(f"step must be positive and most at least 2, got {step!r}, {most!r}")
     names = first_order(mechanism, q, outputs).outputs
     locked, free = _unlocked(mechanism, lock, mechanism.configuration(q))
-    z = settle(HeldTask(Equations(mechanism, free)), mechanism.configuration(q))
-    z = mechanism.configuration(q) if z is None else z
+    closed = settle(HeldTask(Equations(mechanism, free)), mechanism.configuration(q))
+    z = closed.posture if closed.good else mechanism.configuration(q)
     beyond = beyond_limits(mechanism, z)
     if beyond:
         raise ClosureError(f"the start is beyond the limits of {', '.join(beyond)}")
@@ -99,11 +99,8 @@ def self_motion(
     system = HeldTask(Equations(mechanism, free, (target,)))
     tangent, degenerate = _direction(system, z, names, locked)
     longest = np.full(system.size, step)
-    ahead = trace(system, z, tangent, longest, system.limits, most)
-    behind = Path([z], CLOSED)
-    if ahead.end != CLOSED:
-        behind = trace(system, z, -tangent, longest, system.limits, most)
-    curve = joined(system, behind, ahead)
+    traced = both_ways(system, z, tangent, longest, system.limits, most)
+    curve = polished(system, traced)
     if degenerate:
         curve = while_closed(system, curve)
     curve = marked(system, curve)
@@ -181,7 +178,7 @@ def _finite(system: HeldTask, z: np.ndarray, tangent: np.ndarray) -> bool:
     """Whether a null motion of a singular posture leads to other postures that hold the task."""
     for way in (PROBE, -PROBE):
         landed = settle(system, system.move(z, way * tangent))
-        if landed is not None and np.linalg.norm(system.difference(z, landed)) > 0.5 * PROBE:
+        if landed.good and np.linalg.norm(system.difference(z, landed.posture)) > 0.5 * PROBE:
             return True
     return False
 
@@ -242,24 +239,26 @@ def _turns(mechanism: Mechanism, total: np.ndarray) -> dict[str, int]:
 
 
 def _end(system: HeldTask, end: str, z: np.ndarray, names: tuple[str, ...]) -> End:
-    if end == CLOSED:
-        return End("closed loop", None, frozenset(), "the loop closes")
-    if end == "cut short":
-        return End("longest", None, frozenset(), "as many postures as were allowed")
     for bound in system.limits:
         if bound.label == end:
             value = float(z[bound.index])
             low = abs(value - bound.lower) < abs(value - bound.upper)
             side = "lower" if low else "upper"
-            at = f"{bound.lower if low else bound.upper:.6g}"
-            return End("joint limit", end, frozenset(), f"{side} limit {at} of {end}")
+            text = f"{side} limit {bound.lower if low else bound.upper:.6g} of {end}"
+            return End("joint limit", end, frozenset(), text, bound.ending)
+    ending = Ending.named(end)
+    if ending is Ending.CLOSED:
+        return End("closed loop", None, frozenset(), "the loop closes", ending)
+    if ending is Ending.BUDGET:
+        return End("longest", None, frozenset(), "as many postures as were allowed", ending)
     kinds = classify(system.mechanism, z, names, tolerance=ENDED).kinds
-    if end == DIRECT:
+    if ending is Ending.SINGULARITY:
         kinds |= {"direct"}
-        return End("singularity", None, kinds, f"{_listed(kinds)} singularity")
+        return End("singularity", None, kinds, f"{_listed(kinds)} singularity", ending)
     if kinds:
-        return End("singularity", None, kinds, f"{_listed(kinds)} singularity, not to be passed")
-    return End("branch point", None, kinds, "the curve has no single direction there")
+        text = f"{_listed(kinds)} singularity, not to be passed"
+        return End("singularity", None, kinds, text, ending)
+    return End("branch point", None, kinds, "the curve has no single direction there", ending)
 
 
 def _listed(kinds: frozenset[str]) -> str:

@@ -10,6 +10,7 @@ import numpy as np
 
 from closedchain.analysis.singularity.maps.measures import LONG_NAMES
 from closedchain.closure.mechanism import Mechanism
+from closedchain.closure.solve.outcome import Ending
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -30,12 +31,15 @@ class End:
     kinds : frozenset of str
         Kinds of singularity there, as ``cc.classify`` has them.
     text : str
+    ending : Ending
+        What kind of end it was for the tracer.
     """
 
     how: str
     joint: str | None
     kinds: frozenset[str]
     text: str
+    ending: Ending
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from closedchain.analysis.singularity.sets.slices import Slice
-from closedchain.analysis.singularity.tracing.corrector import settle
+from closedchain.closure.solve.solution_set import settle
 
 STEP = 0.02  # dimensionless
 KEPT = 0.3  # share of a step that must be left after it came back onto the set
@@ -32,8 +32,8 @@ def dimensions(system: Slice, z: np.ndarray, basis: np.ndarray) -> tuple[int, in
     for direction in (basis @ turned.T).T:
         for sign in (1.0, -1.0):
             there = settle(system, system.move(z, sign * STEP * direction))
-            if there is not None and system.residual(there) < 1e-10:
-                reached.append(system.difference(z, there) / STEP)
+            if there.good and system.residual(there.posture) < 1e-10:
+                reached.append(system.difference(z, there.posture) / STEP)
     if not reached:
         return 0, 0
     steps = np.array(reached)

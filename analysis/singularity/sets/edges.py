@@ -14,7 +14,7 @@ import numpy as np
 
 from closedchain.analysis.singularity.sets.lattice import Lattice
 from closedchain.analysis.singularity.sets.slices import Frame, Slice
-from closedchain.analysis.singularity.tracing.corrector import SOLVED
+from closedchain.closure.solve.solution_set import SOLVED
 
 ITERATIONS = 80  # of a bracket; most need seven
 NEWTON = 15

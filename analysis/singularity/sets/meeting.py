@@ -13,7 +13,7 @@ from closedchain.analysis.singularity.sets.lattice import Lattice
 from closedchain.analysis.singularity.sets.singular_set import SingularitySet, collect
 from closedchain.analysis.singularity.sets.slices import Slice
 from closedchain.analysis.singularity.sets.tracked import Tracker
-from closedchain.analysis.singularity.tracing.path import settle
+from closedchain.closure.solve.solution_set import settle
 
 REACH = 1.5  # cells from the least value on a set to where they meet
 COLUMN = {"direct": 0, "inverse": 1}
@@ -43,8 +43,9 @@ def meeting(
     for of, other in ((one, two), (two, one)):
         for i in _least(of, of.sigmas[:, COLUMN[other.kind]]):
             start = np.concatenate([of.q[i], of.coordinates[i]])
-            z = settle(tracker.system, start)
-            if z is None or tracker.system.residual(z) > 1e-11:
+            found = settle(tracker.system, start)
+            z = found.posture
+            if not found.good or tracker.system.residual(z) > 1e-11:
                 continue
             moved = (tracker.system.coordinates(z) - of.coordinates[i]) / lattice.cell
             if np.linalg.norm(moved) <= REACH:

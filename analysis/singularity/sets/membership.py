@@ -8,7 +8,7 @@ from closedchain.analysis.singularity.sets.chart_rows import chart_rows
 from closedchain.analysis.singularity.sets.lattice import Lattice
 from closedchain.analysis.singularity.sets.postures_at import kinematics
 from closedchain.analysis.singularity.sets.slices import Slice
-from closedchain.analysis.singularity.tracing.corrector import settle
+from closedchain.closure.solve.solution_set import settle
 
 CELLS = 2  # nearest cells of the branch that are tried
 AWAY = 2.5  # cells: how far they may be
@@ -65,8 +65,9 @@ def met(system: Slice, lattice: Lattice, z: np.ndarray) -> bool:
     short = place + SHORT * (lattice.place(cells) - place)
     q, refused = lattice.kernel.batch.solve(lattice.q[tuple(cells.T)], short)
     for start in system.point(q, short)[refused == 0]:
-        there = settle(system, start)
-        if there is None or np.abs(system.difference(start, there)).max() > STANDING:
+        found = settle(system, start)
+        there = found.posture
+        if not found.good or np.abs(system.difference(start, there)).max() > STANDING:
             continue
         if (np.abs(system.coordinates(there) - place) <= 1e-4 * lattice.cell).all():
             return True

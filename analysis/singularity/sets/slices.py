@@ -15,10 +15,10 @@ import numpy as np
 from closedchain.analysis.singularity.sets.bordered import Borders, Measure
 from closedchain.analysis.singularity.sets.chart_rows import chart_rows
 from closedchain.analysis.singularity.sets.postures_at import apart, kinematics, moved
-from closedchain.analysis.singularity.tracing.turns import turning, without_turns
 from closedchain.analysis.structure.mobility import generic_rank
 from closedchain.closure.chart import Chart
 from closedchain.closure.mechanism import Mechanism
+from closedchain.closure.turns import turning, without_turns
 
 
 @dataclass(frozen=True, eq=False)

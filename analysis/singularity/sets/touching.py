@@ -17,7 +17,8 @@ from closedchain.analysis.singularity.sets.lattice import Lattice
 from closedchain.analysis.singularity.sets.meshing import mesh_of
 from closedchain.analysis.singularity.sets.singular_set import Piece
 from closedchain.analysis.singularity.sets.slices import Slice
-from closedchain.analysis.singularity.tracing.path import tangents
+from closedchain.closure.solve.outcome import Ending
+from closedchain.closure.solve.solution_set import tangents
 
 GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
 ITERATIONS = 48  # of golden section: to 1e-10 of a cell
@@ -26,7 +27,7 @@ FALLEN = 0.05  # of what it was
 
 SLOPE = 1e-7  # share of a singular value below which the slope of a measure counts as zero
 
-EDGE, STOPS = "edge of the range", "degenerate"
+EDGE, STOPS = Ending.EDGE.word, Ending.DEGENERATE.word
 
 
 def touching(
@@ -213,7 +214,7 @@ def _chains(edges: Edges) -> list[tuple[np.ndarray, bool]]:
 
 def _ends(lattice: Lattice, points: np.ndarray, closed: bool) -> tuple[str, str]:
     if closed:
-        return "closed", "closed"
+        return Ending.CLOSED.word, Ending.CLOSED.word
     k = len(lattice.values)
     low, high = (np.array([v[i] for v in lattice.values]) for i in (0, -1))
     ends = []

@@ -16,9 +16,10 @@ from closedchain.analysis.singularity.sets.membership import reached
 from closedchain.analysis.singularity.sets.postures_at import kinematics
 from closedchain.analysis.singularity.sets.seeds import Seed, least_values, seed_on
 from closedchain.analysis.singularity.sets.slices import Slice
-from closedchain.analysis.singularity.tracing.branching import leaving
-from closedchain.analysis.singularity.tracing.joining import joined
-from closedchain.analysis.singularity.tracing.path import Bound, settle, tangents, trace
+from closedchain.closure.solve.branching import leaving
+from closedchain.closure.solve.joining import both_ways
+from closedchain.closure.solve.outcome import Ending
+from closedchain.closure.solve.solution_set import Bound, settle, tangents
 
 POSTURE_STEP = 0.2  # dimensionless: largest change of an unknown of the posture in a step
 CELL_STEP = 0.5  # cells: largest change of a coordinate in a step
@@ -31,8 +32,6 @@ UPRIGHT = 1e-4  # share of the coordinates in a direction that leaves them alone
 VANISHED = 1e-7  # of the largest singular value, at a solution
 BESIDE = 1e-2  # dimensionless: from a solution to where more ranks are lost
 SAME = 1e-3  # dimensionless: branch points nearer to each other than this are one
-
-EDGE = "edge of the range"
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +86,7 @@ class Tracker:
         """Lay out bounds and step lengths."""
         chart, model = self.system.chart, self.system.mechanism.model
         self.bounds = [
-            Bound(model.nq + i, model.nv + i, s, float(v[0]), float(v[-1]), EDGE)
+            Bound(model.nq + i, model.nv + i, s, float(v[0]), float(v[-1]), Ending.EDGE.word)
             for i, (s, v) in enumerate(zip(chart.scale, self.lattice.values, strict=True))
         ]
         lower, upper = self.system.mechanism.limits
@@ -99,6 +98,7 @@ class Tracker:
                 float(lower[joint.idx_q]),
                 float(upper[joint.idx_q]),
                 f"limit of joint {model.names[joint.id]}",
+                Ending.LIMIT,
             )
             for joint in list(model.joints)[1:]
             if joint.nq == 1 and np.isfinite([lower[joint.idx_q], upper[joint.idx_q]]).any()
@@ -130,8 +130,11 @@ class Tracker:
         tries.append((self.system, []))
         tries += [(self.system.losing(c), []) for c in self._alike(start)]
         for system, rows in tries:
-            z = settle(system, start, rows, careful=bool(seed.others))
-            if z is None or (seed.others and any(b.beyond(z) is not None for b in self.bounds)):
+            found = settle(system, start, rows, careful=bool(seed.others))
+            z = found.posture
+            if not found.good or (
+                seed.others and any(b.beyond(z) is not None for b in self.bounds)
+            ):
                 continue
             moved = (self.system.coordinates(z) - seed.place) / lattice.cell
             if np.linalg.norm(moved) <= seed.reach and self.system.residual(z) < 1e-11:
@@ -223,11 +226,7 @@ class Tracker:
             if more or not self._constrained(z):
                 self._flat(z, basis)
             return None
-        ahead = trace(self.system, z, basis[:, 0], self.longest, self.bounds)
-        if ahead.end == "closed":
-            return Curve(np.array(ahead.points), ("closed", "closed"), tuple(ahead.crossings))
-        behind = trace(self.system, z, -basis[:, 0], self.longest, self.bounds)
-        found = joined(self.system, behind, ahead)
+        found = both_ways(self.system, z, basis[:, 0], self.longest, self.bounds)
         return Curve(np.array(found.points), found.ends, found.crossings)
 
     def _flat(self, z: np.ndarray, basis: np.ndarray) -> None:
@@ -259,8 +258,9 @@ class Tracker:
         if self.system.unfold or max(coranks) > MOST_RANKS:
             return False
         inner = self.inner.get(coranks) or Tracker(self.system.losing(coranks), self.lattice)
-        settled = settle(inner.system, z)
-        if settled is None or self._gap(z, settled) > BESIDE:
+        found = settle(inner.system, z)
+        settled = found.posture
+        if not found.good or self._gap(z, settled) > BESIDE:
             return False
         if not inner.knows(settled):
             try:
@@ -290,9 +290,9 @@ class Tracker:
             system = Slice(self.system.chart, (measure,))
             self.inner["constraint"] = Tracker(system, self.lattice)
         inner = self.inner["constraint"]
-        settled = settle(inner.system, z)
-        if settled is not None:
-            inner.add(settled)
+        found = settle(inner.system, z)
+        if found.good:
+            inner.add(found.posture)
         return True
 
     def knows(self, z: np.ndarray) -> bool:
@@ -336,7 +336,11 @@ class Tracker:
     def _beside(self, curve: Curve, i: int, z: np.ndarray) -> bool:
         """Whether a solution lies on the chord from point i of a curve to the next."""
         here = curve.points[i]
-        following = i + 1 if i + 1 < len(curve.points) else (0 if curve.ends[0] == "closed" else i)
+        following = (
+            i + 1
+            if i + 1 < len(curve.points)
+            else (0 if curve.ends[0] == Ending.CLOSED.word else i)
+        )
         gap = self.system.difference(here, z)
         size = float(np.linalg.norm(gap))
         if size < 1e-6:

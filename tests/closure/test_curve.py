@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from closedchain.analysis.singularity.tracing.branching import leaving
-from closedchain.analysis.singularity.tracing.path import Bound, Path, settle, tangents, trace
+from closedchain.closure.solve.branching import leaving
+from closedchain.closure.solve.curve import Path, trace
+from closedchain.closure.solve.solution_set import Bound, settle, tangents
 
 Function = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 
@@ -107,8 +108,8 @@ def test_thin_ellipse_is_followed_round_its_tips() -> None:
 
 def test_branch_point_is_passed_and_located() -> None:
     start = settle(Plain(eight), np.array([0.7, 0.5]))
-    assert start is not None
-    path = trace(Plain(eight), start, np.array([1.0, 0.0]), STEPS)
+    assert start.good
+    path = trace(Plain(eight), start.posture, np.array([1.0, 0.0]), STEPS)
     assert path.end == "closed"
     points = np.array(path.points)
     assert len(path.crossings) == 2  # the whole eight, twice through the middle
@@ -174,4 +175,6 @@ def test_settle_gives_nothing_where_there_is_nothing() -> None:
     def none(z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         return np.array(z @ z + 1.0), 2.0 * z
 
-    assert settle(Plain(none), np.array([0.3, 0.2])) is None
+    found = settle(Plain(none), np.array([0.3, 0.2]))
+    assert not found.good
+    assert not found.ending.good

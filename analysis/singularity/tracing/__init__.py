@@ -1,1 +1,0 @@
-"""Tracing one-dimensional solution sets by continuation, through branch points."""
