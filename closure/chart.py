@@ -15,7 +15,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from closedchain.closure.equations import Equations
+from closedchain.closure.solve.system import System
 from closedchain.closure.mechanism import Mechanism
 from closedchain.closure.task import Goal, goal
 from closedchain.urdf.description import OUTPUTS
@@ -216,14 +216,14 @@ class Chart:
         tip = self.mechanism.required_task().tip
         return goal(self.mechanism, tip, pin.SE3.Identity(), self.outputs)
 
-    def equations(self, values: ArrayLike) -> Equations:
+    def equations(self, values: ArrayLike) -> System:
         """Closures and tip goal at coordinates (k,), in the unknowns ``free``."""
         if self._goal is None:
-            return Equations(self.mechanism, self.free)
+            return System(self.mechanism, self.free)
         _, turns, places = self.prescribed(values)
         target = pin.SE3(turns[0], places[0])
         g = Goal(self._goal.frame, self._goal.joint, self._goal.placement, target, self.outputs)
-        return Equations(self.mechanism, self.free, (g,))
+        return System(self.mechanism, self.free, (g,))
 
     def pinned(self, q: np.ndarray, values: ArrayLike) -> np.ndarray:
         """Copy of a posture (nq,) with the joints of the chart set to coordinates (k,)."""

@@ -19,7 +19,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 import pinocchio as pin
 
-from closedchain.closure.solve.outcome import Ending, Outcome
+from closedchain.closure.solve.outcome import Ending
 from closedchain.closure.solve.problem import POSE, Problem, pose_of
 from closedchain.closure.tape.expression import Expr, Graph
 from closedchain.closure.tape.machine import Compiled, Looped, compiled, looped

@@ -3,8 +3,8 @@
 Everything is an expression in the numbers of q, in dimensionless lengths (divided by
 ``mechanism.length``). Motions are coordinates of the tangent: rates of hinges [rad] and slides
 [lengths], and for a floating joint the velocity of its origin and its angular velocity, both along
-the axes of the frame that it floats in. Pinocchio's v has the body's own axes there: ``turn`` is
-the rotation between the two. It changes no determinant and no singular value, and most entries
+the axes of the frame that it floats in. Pinocchio's v has the body's own axes there: ``own`` turns a
+row of a Jacobian into those. That changes no determinant and no singular value, and most entries
 of the Jacobian vanish with it.
 
 Rows that hold a point (three slides) are written along the world's axes, for the same reasons.
@@ -24,7 +24,6 @@ from closedchain.closure.closures import Closure, Coupling
 from closedchain.closure.mechanism import Mechanism
 from closedchain.closure.tape.expression import Expr, Graph, Number
 from closedchain.closure.tape.vectors import (
-    Matrix,
     Pose,
     Vector,
     add,
@@ -85,11 +84,15 @@ class Kinematics:
     graph : Graph
     q : list of nq expressions
         Lengths in m, angles in rad, quaternions x y z w.
+    upright : bool
+        Whether rows that hold a point are along the world's axes; else along those of frame 1, as
+        the public residual has them.
     """
 
     mechanism: Mechanism
     graph: Graph
     q: list[Expr]
+    upright: bool = True
     _screws: dict[int, Screw] = field(init=False, default_factory=dict, repr=False)
 
     @cached_property
@@ -238,7 +241,7 @@ class Kinematics:
         sizes = {name: size / length for name, size in closure.sizes.items()}
         values, wrenches = kind.values(p, r, sizes), kind.wrenches(p, r, sizes)
         world = [(matvec(a, f), matvec(a, m)) for f, m in wrenches]
-        if values[:3] == p:
+        if self.upright and values[:3] == p:
             # a held point: its three rows turned into the world's axes
             one, zero = self.graph.constant(1.0), self.graph.constant(0.0)
             axes = [[one if r == c else zero for c in range(3)] for r in range(3)]
@@ -351,16 +354,30 @@ class Kinematics:
             found[iq + 3 : iq + 7] = _turned(q[iq + 3 : iq + 7], change[3:])
         return found
 
-    def turn(self, joint: int) -> Matrix:
-        """Rotation that takes a floating joint's own axes (Pinocchio's v) to those used here."""
-        iq = self.mechanism.model.idx_qs[joint]
-        return rotation(self.q[iq + 3 : iq + 7])
+    def own(self, entries: Entries) -> Entries:
+        """A row of a Jacobian in Pinocchio's v: floating joints along the body's own axes."""
+        found = dict(entries)
+        model = self.mechanism.model
+        zero = self.graph.constant(0.0)
+        for i in range(1, model.njoints):
+            if model.nvs[i] != 6:
+                continue
+            turned = rotation(self.q[model.idx_qs[i] + 3 : model.idx_qs[i] + 7])
+            for first in (model.idx_vs[i], model.idx_vs[i] + 3):
+                old = [entries.get(first + k, zero) for k in range(3)]
+                for k, entry in enumerate(matvec(transposed(turned), old)):
+                    found.pop(first + k, None)
+                    if entry.value != 0.0:
+                        found[first + k] = entry
+        return found
 
 
-def kinematics(mechanism: Mechanism, graph: Graph | None = None, first: int = 0) -> Kinematics:
+def kinematics(
+    mechanism: Mechanism, graph: Graph | None = None, first: int = 0, *, upright: bool = True
+) -> Kinematics:
     """Expressions of a mechanism; its q are the inputs ``first`` and on of the graph."""
     g = graph or Graph()
-    return Kinematics(mechanism, g, g.inputs(first, mechanism.model.nq))
+    return Kinematics(mechanism, g, g.inputs(first, mechanism.model.nq), upright)
 
 
 def _turned(quaternion: Sequence[Expr], by: Sequence[Expr]) -> list[Expr]:
