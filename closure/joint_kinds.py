@@ -126,8 +126,8 @@ class Screw:
     Attributes
     ----------
     pair : str
-        "R" turns about an axis through frame 2's origin, "P" slides along an axis, "N" moves the
-        origin normal to the line between the origins.
+        "R" turns about an axis through frame 2's origin, "P" slides along an axis, "N" swings the
+        rod from origin to origin about frame 1's origin, with an axis normal to the rod.
     axis : int
         Of x, y, z; for "N" which of two normals.
     frame : int
@@ -141,13 +141,14 @@ class Screw:
     @property
     def is_length(self) -> bool:
         """Whether its rate is a length by time; else an angle by time."""
-        return self.pair != "R"
+        return self.pair == "P"
 
     def twist(self, p: Vector, r: Matrix) -> Twist:
         """Twist (v2, w) for unit rate, at a gap of numbers."""
         still = [0.0, 0.0, 0.0]
         if self.pair == "N":
-            return _normals(p)[self.axis], still
+            normal = _normals(p)[self.axis]
+            return cross(normal, p), normal
         along = column(r, self.axis) if self.frame == 2 else _axis(self.axis)
         return (still, along) if self.pair == "R" else (along, still)
 
@@ -165,7 +166,10 @@ class JointKind:
     equations : tuple of Row
         Its rows when cut, lengths first.
     screws : tuple of Screw
-        Motions that it leaves free when cut: six less its rows.
+        Motions that it leaves free when cut, from frame 1 to frame 2: six less its rows.
+    parts : tuple of int
+        How many of the screws, in order, belong to each part of the joint. The screws of a part
+        stand still, or span the same motions always, in what comes before it.
     senses : tuple of int
         Axes that must be parallel when closed; the rows vanish as well where they are opposed.
     sizes : tuple of str
@@ -180,6 +184,7 @@ class JointKind:
     symbol: str
     equations: tuple[Row, ...]
     screws: tuple[Screw, ...]
+    parts: tuple[int, ...]
     senses: tuple[int, ...] = ()
     sizes: tuple[str, ...] = ()
     spellings: tuple[JointType, ...] = ()
@@ -218,6 +223,11 @@ class JointKind:
     def wrenches(self, p: Vector, r: Matrix, sizes: Sizes) -> list[Wrench]:
         """Derivative (f, m) of each row: d row = f . v2 + m . w. Parameters as for ``values``."""
         return [row.wrench(p, r, sizes) for row in self.equations]
+
+    @property
+    def turns_freely(self) -> bool:
+        """Whether frame 2 may turn about any axis: a ball."""
+        return set(_BALL) <= set(self.screws)
 
     def twists(self, p: Vector, r: Matrix) -> list[Twist]:
         """Twists (v2, w) of the free screws for unit rates, at a closed gap of numbers."""
@@ -266,6 +276,7 @@ _ENTRIES = (
         symbol="fixed",
         equations=(*_POINT, Turn(X), Turn(Y), Turn(Z)),
         screws=(),
+        parts=(),
         spellings=("fixed",),
     ),
     JointKind(
@@ -273,6 +284,7 @@ _ENTRIES = (
         symbol="R",
         equations=(*_POINT, *_SAME_Z),
         screws=(Screw("R", Z),),
+        parts=(1,),
         senses=(Z,),
         spellings=("revolute", "continuous"),
         nq=1,
@@ -283,6 +295,7 @@ _ENTRIES = (
         symbol="P",
         equations=(Slide(X), Slide(Y), *_SAME_Z, Dot(X, Y)),
         screws=(Screw("P", Z),),
+        parts=(1,),
         senses=(X, Y, Z),
         spellings=("prismatic",),
         nq=1,
@@ -293,6 +306,7 @@ _ENTRIES = (
         symbol="C",
         equations=(Slide(X), Slide(Y), *_SAME_Z),
         screws=(Screw("R", Z), Screw("P", Z)),
+        parts=(2,),
         senses=(Z,),
     ),
     JointKind(
@@ -300,13 +314,15 @@ _ENTRIES = (
         symbol="U",
         equations=(*_POINT, Dot(Z, Z)),
         screws=(Screw("R", Z), Screw("R", Z, frame=2)),
+        parts=(1, 1),
     ),
-    JointKind(name="spherical", symbol="S", equations=_POINT, screws=_BALL),
+    JointKind(name="spherical", symbol="S", equations=_POINT, screws=_BALL, parts=(3,)),
     JointKind(
         name="planar",
         symbol="E",
         equations=(Slide(Z), *_SAME_Z),
         screws=(Screw("P", X), Screw("P", Y), Screw("R", Z)),
+        parts=(2, 1),
         senses=(Z,),
     ),
     JointKind(  # a ball in a straight slot along z of frame 1
@@ -314,18 +330,21 @@ _ENTRIES = (
         symbol="PS",
         equations=(Slide(X), Slide(Y)),
         screws=(Screw("P", Z), *_BALL),
+        parts=(1, 3),
     ),
     JointKind(  # a ball on a plane, xy of frame 1
         name="in_plane",
         symbol="PPS",
         equations=(Slide(Z),),
         screws=(Screw("P", X), Screw("P", Y), *_BALL),
+        parts=(2, 3),
     ),
     JointKind(  # a rod with a ball at each end: neither its mass nor its own spin is there
         name="distance",
         symbol="SS",
         equations=(Span(),),
         screws=(Screw("N", 0), Screw("N", 1), *_BALL),
+        parts=(2, 3),
         sizes=(LENGTH,),
     ),
 )
@@ -333,11 +352,15 @@ _ENTRIES = (
 JOINT_KINDS: Mapping[str, JointKind] = MappingProxyType({kind.name: kind for kind in _ENTRIES})
 """Kinds of joints by name: those that a loop can be cut at."""
 
+BY_SYMBOL: Mapping[str, JointKind] = MappingProxyType({kind.symbol: kind for kind in _ENTRIES})
+"""The same by symbol."""
+
 FLOATING = JointKind(
     name="floating",
     symbol="floating",
     equations=(),
     screws=(Screw("P", X), Screw("P", Y), Screw("P", Z), *_BALL),
+    parts=(3, 3),
     spellings=("floating",),
     nq=7,
     nv=6,

@@ -213,9 +213,10 @@ def accelerators(
     """Motion of all bodies for given input velocities and accelerations, by screws alone.
 
     Around every circuit the twists add up to zero, sum w $ = 0, and so do the accelerators:
-    sum w' $ + L = 0 with the Lie screw L of the circuit, signs by direction. With the couplings
-    these give the passive rates, then the passive second rates. [Gallardo2010]_ eqs (34) and (35)
-    are combinations of such conditions that leave the passive second rates out.
+    sum w' $ + L = 0 with the Lie screw L of the circuit, signs by direction. With the couplings,
+    and what bent ones add to the second order, these give the passive rates, then the passive
+    second rates. [Gallardo2010]_ eqs (34) and (35) are combinations of such conditions that leave
+    the passive second rates out.
 
     Parameters
     ----------
@@ -235,7 +236,8 @@ def accelerators(
     aa = mechanism.input_vector(a_inputs, "input accelerations")
     rates = _agreed(*at.solve(va[:, None]), "velocities")
     screws = [lie_screw(at.twists(walk, rates)[:, 0]) for walk in at.walks]
-    found = at.solve(aa[:, None], np.array(screws).reshape(-1, 6, 1))
+    bends = at.bends(rates)[:, :, 0]
+    found = at.solve(aa[:, None], np.array(screws).reshape(-1, 6, 1), bends)
     return Accelerators(at, rates[:, 0], _agreed(*found, "accelerations")[:, 0])
 
 

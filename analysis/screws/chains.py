@@ -4,11 +4,12 @@ Screws are those of ``screws``: (angular; linear at O) in SI units, O the world'
 world's axes, motion of a pair's child against its parent. Around a circuit they add up to zero,
 each with the sign of the direction in which the circuit passes its pair.
 
-For the second order a pair counts as parts, in order from parent to child: a universal joint as two
-revolutes, every other as one part. The screws of a spherical, cylindrical or planar pair stand
-still in the parent, so that the accelerator of the child against the parent is S times the second
-rates. Where a spherical joint is written as three revolutes, as the papers do, the Lie products
-among these change its own second rates and nothing else.
+For the second order a pair counts as parts, in order from parent to child, as the table of joint
+kinds has them: a universal joint as two revolutes, a ball in a slot as a slide and a ball, a
+revolute as one part. The screws of a part stand still in what comes before it, or span the same
+motions always, so that the accelerator across the part is S times the second rates. Where a
+spherical joint is written as three revolutes, as the papers do, the Lie products among these
+change its own second rates and nothing else.
 """
 
 from __future__ import annotations
@@ -31,7 +32,8 @@ from closedchain.analysis.screws.circuit_matrix import (
 )
 from closedchain.analysis.structure.graph import Walk, shortest_walks
 from closedchain.analysis.structure.loops import LoopGraph, loops
-from closedchain.analysis.structure.pair_screws import pair_screws
+from closedchain.analysis.structure.pair_screws import CoupledRates, pair_screws
+from closedchain.closure.joint_kinds import BY_SYMBOL
 from closedchain.closure.mechanism import Mechanism
 from closedchain.closure.ranks import Rank, numerical_rank
 from closedchain.urdf.errors import ClosureError, known_names
@@ -58,6 +60,8 @@ class Circuits:
         Columns of the inputs, in their order.
     rank : Rank
         Of N's other columns.
+    couplings : tuple of CoupledRates
+        In the order of N's last rows.
     """
 
     mechanism: Mechanism
@@ -70,6 +74,7 @@ class Circuits:
     centre: np.ndarray
     inputs: np.ndarray
     rank: Rank
+    couplings: tuple[CoupledRates, ...] = ()
 
     @property
     def walks(self) -> tuple[Walk, ...]:
@@ -105,13 +110,29 @@ class Circuits:
         found = [np.zeros((0, rates.shape[1], 6))]
         for p, sign in walk:
             own = self.screws[p][:, None, :] * rates[self.columns[p]][:, :, None]
-            if self.graph.pairs[p].symbol != "U":
-                own = own.sum(axis=0, keepdims=True)
-            found.append(sign * own[::sign])
+            first = np.cumsum([0, *BY_SYMBOL[self.graph.pairs[p].symbol].parts[:-1]])
+            found.append(sign * np.add.reduceat(own, first, axis=0)[::sign])
         return np.concatenate(found)
 
+    def bends(self, rates: np.ndarray) -> np.ndarray:
+        """Bilinear form (couplings, m, m), in m motions (freedoms, m), of the couplings.
+
+        What the second rates of a coupling's joints add up to is less than zero by u^T B u in
+        motion u; dimensionless, and zero where the coupling is linear.
+        """
+        out = np.zeros((len(self.couplings), rates.shape[1], rates.shape[1]))
+        for k, coupling in enumerate(self.couplings):
+            for part in coupling.parts:
+                column = self.columns[part.pair].start + part.column
+                rate = rates[column] / self.unit[column]
+                out[k] += part.bend * np.outer(rate, rate)
+        return out
+
     def solve(
-        self, inputs: np.ndarray, lie_screws: np.ndarray | None = None
+        self,
+        inputs: np.ndarray,
+        lie_screws: np.ndarray | None = None,
+        bends: np.ndarray | None = None,
     ) -> tuple[np.ndarray, np.ndarray]:
         """Rates of all pairs with the inputs' as given and sum $ w + L = 0 around each circuit.
 
@@ -121,6 +142,8 @@ class Circuits:
             Rates, or second rates, of the inputs in k motions, SI.
         lie_screws : (loops, 6, k) array, optional
             L of each circuit, SI; zero for first rates.
+        bends : (couplings, k) array, optional
+            What couplings that are not linear add to their second rates, as from ``bends``.
 
         Returns
         -------
@@ -135,6 +158,8 @@ class Circuits:
             here[..., 3:] /= self.mechanism.length
             flat = np.moveaxis(here, -1, 1).reshape(6 * len(self.graph.loops), inputs.shape[1])
             wanted[: flat.shape[0]] -= flat
+        if bends is not None:
+            wanted[6 * len(self.graph.loops) :] -= bends
         passive = np.linalg.lstsq(self.N[:, others], wanted, rcond=None)[0]
         miss = np.abs(self.N[:, others] @ passive - wanted).max(axis=0, initial=0.0)
         rates = np.empty((self.unit.size, inputs.shape[1]))
@@ -168,7 +193,9 @@ def circuits(mechanism: Mechanism, q: ArrayLike) -> Circuits:
             f"joints, {passive.shape[1]} needed (a direct singularity, or too few inputs)"
         )
     screws = tuple(at_origin[where] for where in columns)
-    return Circuits(mechanism, q, graph, screws, columns, rows, unit, centre, inputs, rank)
+    return Circuits(
+        mechanism, q, graph, screws, columns, rows, unit, centre, inputs, rank, pairs.couplings
+    )
 
 
 def _input_columns(

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from closedchain.analysis.structure.loops import LoopGraph
-from closedchain.analysis.structure.pair_screws import CoupledRates, PairScrews
+from closedchain.analysis.structure.pair_screws import PairScrews
 from closedchain.closure.mechanism import Mechanism
 from closedchain.urdf.errors import ClosureError, known_names
 
@@ -23,17 +23,8 @@ def circuit_matrix(at: PairScrews) -> np.ndarray:
         twist = at.along(tuple(zip(loop.pairs, loop.signs, strict=True)), columns, width)
         rows.append(np.vstack([twist[3:], twist[:3]]))
     for coupling in at.couplings:
-        rows.append(coupling_row(coupling, columns, width))
+        rows.append(coupling.row(columns, width))
     return np.vstack(rows)
-
-
-def coupling_row(coupling: CoupledRates, columns: dict[int, slice], width: int) -> np.ndarray:
-    """Row (1, width) of a coupling: follower's rate - ratio * leader's rate."""
-    (p, i), (k, j) = coupling.follower, coupling.leader
-    row = np.zeros((1, width))
-    row[0, columns[p].start + i] += 1.0
-    row[0, columns[k].start + j] -= coupling.ratio
-    return row
 
 
 def column_units(screws: PairScrews, length: float) -> np.ndarray:

@@ -104,7 +104,8 @@ def hessian(mechanism: Mechanism, q: ArrayLike, frame: str | None = None) -> Hes
     chain = at.chain(mechanism.description.root, name)
     rates, _ = at.solve(np.eye(n))
     forms = [lie_form(at.twists(walk, rates)) for walk in at.walks]
-    second, _ = at.solve(np.zeros((n, n * n)), np.array(forms).reshape(-1, 6, n * n))
+    bends = at.bends(rates).reshape(-1, n * n)
+    second, _ = at.solve(np.zeros((n, n * n)), np.array(forms).reshape(-1, 6, n * n), bends)
     moving = at.twists(chain, rates)
     form = lie_form(moving)
     for p, sign in chain:

@@ -138,7 +138,9 @@ def leg_velocity(mechanism: Mechanism, q: ArrayLike) -> LegVelocity:
         joints, which are named.
     """
     at = first_order(mechanism, q, task=False)
-    graph, found, drives, names = _structure(mechanism)
+    graph, found, names = leg_structure(mechanism)
+    drives = drives_of(mechanism, at.q)
+    check_couplings(mechanism, graph, found.legs, drives)
     origin = mechanism.point(at.q, mechanism.required_task().tip)
     screws = pair_screws(mechanism, graph, at.q, origin)
     place = {body: 6 * i for i, body in enumerate(found.platforms)}
@@ -158,7 +160,7 @@ def leg_velocity(mechanism: Mechanism, q: ArrayLike) -> LegVelocity:
     # driving rows of all legs, then their constraint rows
     order = [*range(0, len(lhs), 2), *range(1, len(lhs), 2)]
     left, right = np.vstack([lhs[i] for i in order]), np.vstack([rhs[i] for i in order])
-    ties = tied_inputs(mechanism)
+    ties = tied_inputs(mechanism, at.q)
     jx, jq, rank = _eliminate(left, right, ties)
     # a wrench (force, moment / length) gives power / length
     twist_unit = np.repeat([1.0, 1.0 / mechanism.length], 3)
@@ -176,18 +178,23 @@ def leg_velocity(mechanism: Mechanism, q: ArrayLike) -> LegVelocity:
 
 
 @lru_cache(maxsize=8)  # mechanisms are immutable, and sweeps ask again and again for one
-def _structure(
+def leg_structure(
     mechanism: Mechanism,
-) -> tuple[LoopGraph, LegGraph, dict[str, Drive], tuple[tuple[str, ...], ...]]:
-    """Bodies and pairs, legs, joints that inputs move, names of all freedoms."""
+) -> tuple[LoopGraph, LegGraph, tuple[tuple[str, ...], ...]]:
+    """Bodies and pairs, legs, names of all freedoms; joints driven as at home.
+
+    Raises
+    ------
+    ClosureError
+        No task, or a body that is in no leg.
+    """
     graph = loops(mechanism)
     tip = body_of(graph, mechanism.required_task().tip)
-    drives = drives_of(mechanism)
+    drives = drives_of(mechanism, mechanism.home)
     names = column_names(graph)
     moved = {p for p, pair in enumerate(names) if any(name in drives for name in pair)}
     found = leg_graph(graph, tip, moved)
-    check_couplings(mechanism, graph, found.legs, drives)
-    return graph, found, drives, names
+    return graph, found, names
 
 
 def _eliminate(
@@ -237,9 +244,9 @@ def _leg(
     passive = []
     for column, name in zip(twists.T, joints, strict=True):
         if name in drives:
-            number, ratio = drives[name]
-            joint_v = mechanism.model.idx_vs[mechanism.model.getJointId(name)]
-            driven[:, number] += column * ratio * scale[mechanism.input_v[number]] / scale[joint_v]
+            unit = scale[mechanism.model.idx_vs[mechanism.model.getJointId(name)]]
+            for number, ratio in drives[name].items():
+                driven[:, number] += column * ratio * scale[mechanism.input_v[number]] / unit
         else:
             passive.append(column)
     chosen = [n for n in range(len(mechanism.inputs)) if driven[:, n].any()]

@@ -234,7 +234,8 @@ def network(
     unit = column_units(at_origin, mechanism.length)
     rows = [np.repeat([1.0, mechanism.length], 3)] * len(graph.loops)
     slices = at_origin.columns(range(len(graph.pairs)))
-    rows += [unit[[slices[c.follower[0]].start + c.follower[1]]] for c in at_origin.couplings]
+    first = [c.parts[0] for c in at_origin.couplings]
+    rows += [unit[[slices[part.pair].start + part.column]] for part in first]
     scaled = circuit_matrix(centre)
     row_unit = np.concatenate([np.zeros(0), *rows])
     matrix = circuit_matrix(at_origin) * row_unit[:, None] / unit
@@ -276,7 +277,7 @@ def column_names(graph: LoopGraph) -> tuple[tuple[str, ...], ...]:
             return pair.joints
         if pair.freedoms == 1:
             return (pair.name,)
-        suffixes = "xyz" if pair.symbol == "S" else "123"
+        suffixes = "xyz" if pair.symbol == "S" else "12345"
         return tuple(f"{pair.name}.{suffix}" for suffix in suffixes[: pair.freedoms])
 
     return tuple(of(pair) for pair in graph.pairs)

@@ -14,8 +14,8 @@ from closedchain.analysis.structure.graph import (
     nodes_of,
     short_cycles,
 )
-from closedchain.analysis.structure.mobility import PAIR_SYMBOLS, is_cross_link
-from closedchain.closure.kinds import FREEDOMS
+from closedchain.analysis.structure.mobility import is_cross_link
+from closedchain.closure.joint_kinds import JOINT_KINDS, TREE_KINDS
 from closedchain.closure.mechanism import Mechanism
 from closedchain.urdf.description import Description, Joint
 
@@ -38,7 +38,7 @@ class Pair:
         Of the joint or of the closure; for a universal joint of the tree what the names of its two
         joints have in common.
     symbol : str
-        R, P, U, S, C or E.
+        R, P, U, S, C or E; PS, PPS and SS for a ball on a line, a ball on a plane, and a rod.
     parent, child : int
         Bodies. Screws are motions of the child against the parent.
     joints : tuple of str
@@ -184,12 +184,12 @@ def _pairs(description: Description, of_link: dict[str, int]) -> tuple[Pair, ...
             found.append(
                 Pair(
                     name=closure.name,
-                    symbol=PAIR_SYMBOLS[closure.type],
+                    symbol=JOINT_KINDS[closure.type].symbol,
                     parent=of_link[closure.parent],
                     child=of_link[closure.child],
                     joints=(),
                     closure=closure.name,
-                    freedoms=FREEDOMS[closure.type],
+                    freedoms=JOINT_KINDS[closure.type].freedoms,
                     inputs=(),
                 )
             )
@@ -209,7 +209,7 @@ def _tree_pair(
         name = common if common and common not in taken else name
     return Pair(
         name=name,
-        symbol="U" if len(joints) == 2 else PAIR_SYMBOLS[joints[0].type],
+        symbol="U" if len(joints) == 2 else TREE_KINDS[joints[0].type].symbol,
         parent=of_link[joints[0].parent],
         child=of_link[joints[-1].child],
         joints=tuple(j.name for j in joints),

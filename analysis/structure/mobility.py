@@ -8,22 +8,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from closedchain.closure.generic import GenericRank, sampled_rank
-from closedchain.closure.kinds import FREEDOMS
+from closedchain.analysis.structure.driving import driving
+from closedchain.closure.closures import Coupling
+from closedchain.closure.generic import GenericRank, generic_ranks, sampled_rank
+from closedchain.closure.joint_kinds import BY_SYMBOL, JOINT_KINDS, TREE_KINDS
 from closedchain.closure.mechanism import Mechanism
 from closedchain.closure.ranks import Rank
+from closedchain.closure.tree import se3
 from closedchain.urdf.description import Description, Joint
-
-PAIR_SYMBOLS = {
-    "revolute": "R",
-    "continuous": "R",
-    "prismatic": "P",
-    "universal": "U",
-    "spherical": "S",
-    "cylindrical": "C",
-    "planar": "E",
-    "fixed": "fixed",
-}
 
 
 @dataclass(frozen=True)
@@ -33,7 +25,8 @@ class Mobility:
     Attributes
     ----------
     links : int
-        Bodies, the base included; a universal joint's cross link is no body.
+        Bodies, the base included; a universal joint's cross link is no body, nor is the rod of a
+        distance closure.
     pairs : int
         Kinematic pairs, cut joints included; a universal or spherical joint is one pair.
     freedoms : int
@@ -49,6 +42,9 @@ class Mobility:
     rank : Rank
         The decision with its gap, at the posture where the gap was smallest.
     pair_counts : mapping of symbol to count
+    undriven, idle : int or None
+        Freedoms that move the outputs of the task with all inputs locked, in every posture, and
+        freedoms that move neither inputs nor outputs; None without a task.
     """
 
     links: int
@@ -60,6 +56,8 @@ class Mobility:
     redundant_rows: int
     rank: Rank
     pair_counts: dict[str, int]
+    undriven: int | None
+    idle: int | None
     text: str
 
 
@@ -74,12 +72,14 @@ def mobility(mechanism: Mechanism) -> Mobility:
     bodies = _bodies(mechanism.description) - cross_links
     pairs = sum(counts.values())
     freedoms = sum(_freedoms(symbol) * n for symbol, n in counts.items())
-    couplings = len(mechanism.description.couplings)
-    gruebler = 6 * (bodies - pairs - 1) + freedoms - couplings
+    gruebler = 6 * (bodies - pairs - 1) + freedoms - _couplings(mechanism)
     generic = sampled_rank(mechanism)
     rank = generic.rank
     degrees = mechanism.model.nv - rank.value
     redundant = mechanism.rows - rank.value
+    driven = None
+    if mechanism.task is not None:
+        driven = generic_ranks(mechanism, mechanism.outputs())
     return Mobility(
         links=bodies,
         pairs=pairs,
@@ -90,6 +90,8 @@ def mobility(mechanism: Mechanism) -> Mobility:
         redundant_rows=redundant,
         rank=rank,
         pair_counts=dict(counts),
+        undriven=None if driven is None else driven.undriven,
+        idle=None if driven is None else driven.idle,
         text=_text(mechanism, counts, bodies, freedoms, gruebler, generic),
     )
 
@@ -109,12 +111,12 @@ def _pairs(description: Description) -> tuple[Counter[str], int]:
     crosses = [j for j in description.joints if is_cross_link(description, j)]
     counts: Counter[str] = Counter()
     for joint in description.joints:
-        if joint.type in PAIR_SYMBOLS and joint.type != "fixed":
-            counts[PAIR_SYMBOLS[joint.type]] += 1
+        if joint.type not in {"fixed", "floating"}:
+            counts[TREE_KINDS[joint.type].symbol] += 1
     counts["R"] -= 2 * len(crosses)
     counts["U"] += len(crosses)
     for closure in description.closures:
-        counts[PAIR_SYMBOLS[closure.type]] += 1
+        counts[JOINT_KINDS[closure.type].symbol] += 1
     return Counter({symbol: n for symbol, n in counts.items() if n}), len(crosses)
 
 
@@ -134,8 +136,6 @@ def is_cross_link(description: Description, joint: Joint) -> bool:
     second = following[0]
     if {joint.name, second.name} <= {spec.joint for spec in description.inputs}:
         return False
-    from closedchain.closure.tree import se3
-
     axis = se3(second.origin).rotation @ np.array(second.axis)
     return bool(
         np.allclose(second.origin.xyz, 0.0, atol=1e-12) and abs(axis @ np.array(joint.axis)) < 1e-9
@@ -143,8 +143,11 @@ def is_cross_link(description: Description, joint: Joint) -> bool:
 
 
 def _freedoms(symbol: str) -> int:
-    kinds = {PAIR_SYMBOLS[kind]: freedoms for kind, freedoms in FREEDOMS.items()}
-    return kinds[symbol]
+    return BY_SYMBOL[symbol].freedoms
+
+
+def _couplings(mechanism: Mechanism) -> int:
+    return sum(isinstance(closure, Coupling) for closure in mechanism.closures)
 
 
 def _text(
@@ -159,7 +162,7 @@ def _text(
     degrees = mechanism.model.nv - rank.value
     pairs = sum(counts.values())
     listed = " + ".join(f"{n}{symbol}" for symbol, n in sorted(counts.items()))
-    couplings = len(mechanism.description.couplings)
+    couplings = _couplings(mechanism)
     tied = f" - {couplings} coupling{'s' * (couplings > 1)}" if couplings else ""
     lines = [
         f"{mechanism.name}: mobility {degrees}.",
@@ -175,6 +178,7 @@ def _text(
         lines.append("The count differs from the mobility: it knows no special geometry.")
     if generic.at_home < rank.value:
         lines.append(f"At home the rank drops to {generic.at_home}: a constraint singularity.")
+    lines.extend(driving(mechanism))
     for remark in mechanism.description.remarks:
         if remark.about == "mobility":
             source = f" [{remark.source}]" if remark.source else ""

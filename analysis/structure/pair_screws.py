@@ -7,7 +7,7 @@ dimensionless too: sliding rates over the characteristic length.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,21 +16,45 @@ import pinocchio as pin
 from closedchain.analysis.screws.twists import TwistSpace, twist_space
 from closedchain.analysis.structure.graph import Walk, shortest_walks
 from closedchain.analysis.structure.loops import LoopGraph, Pair
-from closedchain.closure.closures import Closure
+from closedchain.closure.closures import Closure, Coupling
 from closedchain.closure.mechanism import Mechanism
 from closedchain.closure.ranks import Rank, null_space, numerical_rank
 
 
 @dataclass(frozen=True)
-class CoupledRates:
-    """A coupling as a row in the rates of two pairs: follower - ratio leader = 0.
+class CoupledRate:
+    """A joint's part in a coupling at a posture, dimensionless.
 
-    ``follower`` and ``leader`` are (pair, column among its freedoms).
+    ``pair`` and ``column`` among its freedoms say whose rate it is; ``slope`` and ``bend`` are the
+    first and second derivative of the coupling by the joint's value.
     """
 
-    follower: tuple[int, int]
-    leader: tuple[int, int]
-    ratio: float
+    pair: int
+    column: int
+    slope: float
+    bend: float
+
+
+@dataclass(frozen=True)
+class CoupledRates:
+    """A coupling as a row in the rates of pairs: the sum of slope times rate is zero.
+
+    The first part is the follower's, whose unit the row has.
+    """
+
+    parts: tuple[CoupledRate, ...]
+
+    @property
+    def pairs(self) -> frozenset[int]:
+        """Pairs that it ties to each other."""
+        return frozenset(part.pair for part in self.parts)
+
+    def row(self, columns: Mapping[int, slice], width: int) -> np.ndarray:
+        """Row (1, width) where the rates of pairs are stacked in ``columns``."""
+        row = np.zeros((1, width))
+        for part in self.parts:
+            row[0, columns[part.pair].start + part.column] += part.slope
+        return row
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,12 +89,8 @@ class PairScrews:
         width = sum(self.graph.pairs[p].freedoms for p in pairs)
         rows = [self.along(walk, columns, width) for walk in _loops_within(self.graph, pairs)]
         for coupling in self.couplings:
-            (p, i), (k, j) = coupling.follower, coupling.leader
-            if p in columns and k in columns:
-                row = np.zeros((1, width))
-                row[0, columns[p].start + i] += 1.0
-                row[0, columns[k].start + j] -= coupling.ratio
-                rows.append(row)
+            if coupling.pairs <= columns.keys():
+                rows.append(coupling.row(columns, width))
         return (np.vstack(rows) if rows else np.zeros((0, width))), columns
 
     def rank(self, pairs: Sequence[int]) -> Rank:
@@ -128,9 +148,9 @@ def pair_screws(
     def screws(pair: Pair) -> np.ndarray:
         if pair.closure is not None:
             closure = closures[pair.closure]
-            free = _free_screws(data, closure)
-            slides = ~np.any(free[3:], axis=0)
-            return dimensionless(free, np.where(slides, mechanism.length, 1.0))
+            slides = [screw.is_length for screw in closure.joint_kind.screws]
+            scale = np.where(slides, mechanism.length, 1.0)
+            return dimensionless(_free_screws(data, closure), scale)
         ids = [model.getJointId(name) for name in pair.joints]
         columns = [model.idx_vs[j] for j in ids]
         jacobian = np.hstack(
@@ -142,47 +162,41 @@ def pair_screws(
         return dimensionless(jacobian, mechanism.column_scale[columns])
 
     return PairScrews(
-        graph, tuple(screws(pair) for pair in graph.pairs), _couplings(mechanism, graph)
+        graph, tuple(screws(pair) for pair in graph.pairs), _couplings(mechanism, graph, q)
     )
 
 
 def _free_screws(data: pin.Data, closure: Closure) -> np.ndarray:
-    """What a cut joint leaves free, at the world's origin (6, freedoms) [m, rad]."""
+    """What a cut joint leaves free, at the world's origin (6, freedoms) [m, rad].
+
+    A ball turns about the world's axes.
+    """
     one = data.oMi[closure.joint1] * closure.placement1
     two = data.oMi[closure.joint2] * closure.placement2
-    arm = pin.skew(one.translation)
-    x, y, z = one.rotation.T
-
-    def turn(axis: np.ndarray) -> np.ndarray:
-        return np.concatenate([arm @ axis, axis])
-
-    def slide(axis: np.ndarray) -> np.ndarray:
-        return np.concatenate([axis, np.zeros(3)])
-
-    free = {
-        "revolute": lambda: [turn(z)],
-        "prismatic": lambda: [slide(z)],
-        "cylindrical": lambda: [turn(z), slide(z)],
-        "universal": lambda: [turn(z), turn(two.rotation[:, 2])],
-        "spherical": lambda: [turn(axis) for axis in np.eye(3)],
-        "planar": lambda: [slide(x), slide(y), turn(z)],
-    }
-    return np.array(free[closure.kind]()).T
+    kind, gap = closure.joint_kind, one.actInv(two)
+    twists = kind.twists(gap.translation.tolist(), gap.rotation.tolist())
+    columns = []
+    for screw, (v, w) in zip(kind.screws, twists, strict=True):
+        along_world = kind.turns_freely and screw.pair == "R"
+        angular = np.array(w) if along_world else one.rotation @ w
+        linear = one.rotation @ v + np.cross(two.translation, angular)
+        columns.append(np.concatenate([linear, angular]))
+    return np.array(columns).reshape(-1, 6).T
 
 
-def _couplings(mechanism: Mechanism, graph: LoopGraph) -> tuple[CoupledRates, ...]:
+def _couplings(mechanism: Mechanism, graph: LoopGraph, q: np.ndarray) -> tuple[CoupledRates, ...]:
     place = {
         name: (p, i) for p, pair in enumerate(graph.pairs) for i, name in enumerate(pair.joints)
     }
-    scale = {
-        name: mechanism.column_scale[mechanism.model.idx_vs[mechanism.model.getJointId(name)]]
-        for name in place
-    }
-    return tuple(
-        CoupledRates(
-            follower=place[c.joint],
-            leader=place[c.leader],
-            ratio=c.multiplier * float(scale[c.leader] / scale[c.joint]),
-        )
-        for c in mechanism.description.couplings
-    )
+    found = []
+    for coupling in mechanism.closures:
+        if not isinstance(coupling, Coupling):
+            continue
+        row_unit = mechanism.length if coupling.length_row else 1.0
+        parts = []
+        for joint in coupling.joints:
+            unit, value = float(mechanism.column_scale[joint.v]), float(q[joint.q])
+            slope, bend = joint.slope(value) * unit, joint.curvature(value) * unit**2
+            parts.append(CoupledRate(*place[joint.joint], slope / row_unit, bend / row_unit))
+        found.append(CoupledRates(tuple(parts)))
+    return tuple(found)

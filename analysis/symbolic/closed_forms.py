@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from closedchain.analysis.screws.drives import Drive, check_couplings, couplings_of, drives_of
 from closedchain.analysis.screws.leg_graph import LegChain
-from closedchain.analysis.screws.legs import _structure
+from closedchain.analysis.screws.legs import leg_structure
 from closedchain.analysis.structure.loops import LoopGraph
 from closedchain.analysis.symbolic.chain import Chains
 from closedchain.analysis.symbolic.context import Context, input_names
@@ -26,14 +27,21 @@ from closedchain.analysis.symbolic.results import (
 from closedchain.analysis.symbolic.ring import Angle, TooLarge
 from closedchain.analysis.symbolic.text import report
 from closedchain.analysis.symbolic.virtual import virtual_chain
+from closedchain.closure.joint_kinds import BY_SYMBOL
 from closedchain.closure.mechanism import Mechanism
 from closedchain.urdf.errors import ClosureError
+
+_WRITTEN = ("R", "P", "U", "S", "C", "E")
+"""Symbols of the pairs that the symbolic walk knows."""
 
 
 def derive(mechanism: Mechanism, names: Mapping[str, str] | None) -> SymbolicSingularities:
     """What ``symbolic_singularities`` gives."""
     task = mechanism.required_task()
-    graph, found, drives, columns = _structure(mechanism)
+    graph, found, columns = leg_structure(mechanism)
+    drives = drives_of(mechanism, mechanism.home)
+    check_couplings(mechanism, graph, found.legs, drives)
+    _refuse_unwritten(mechanism, graph, drives)
     check_decoupled(graph, found)
     size = sizes(mechanism.description)
     reading = Coordinates(mechanism, _reversed(graph, found.legs))
@@ -70,6 +78,30 @@ def derive(mechanism: Mechanism, names: Mapping[str, str] | None) -> SymbolicSin
     return _result(
         mechanism, parts, symbols, size.notes, tied, reading, context.relations, dict(size.values)
     )
+
+
+def _refuse_unwritten(mechanism: Mechanism, graph: LoopGraph, drives: Mapping[str, Drive]) -> None:
+    """Refuse cut joints and couplings that the symbolic walk does not write out."""
+    for pair in graph.pairs:
+        if pair.symbol not in _WRITTEN:
+            raise ClosureError(
+                f"{mechanism.name} has no closed forms: the closure {pair.name!r} is a "
+                f"{BY_SYMBOL[pair.symbol].name}, which is not written out in symbols; ask "
+                "cc.singularity_set"
+            )
+    for tie in couplings_of(mechanism):
+        if any(len(part.coefficients) > 2 for part in tie.joints):
+            raise ClosureError(
+                f"{mechanism.name} has no closed forms: {tie.describe()} has a ratio that changes "
+                "with the posture; ask cc.singularity_set"
+            )
+    for joint, drive in drives.items():
+        if len(drive) > 1:
+            names = " and ".join(mechanism.inputs[number] for number in sorted(drive))
+            raise ClosureError(
+                f"{mechanism.name} has no closed forms: the joint {joint!r} is moved by the inputs "
+                f"{names} together; ask cc.singularity_set"
+            )
 
 
 @dataclass(frozen=True, eq=False)

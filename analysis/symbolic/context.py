@@ -53,12 +53,13 @@ class Context:
     ) -> None:
         self.mechanism, self.chains, self.symbols = mechanism, chains, symbols
         self.at, self.parameters = at, parameters
-        self.drives = drives_of(mechanism)
+        self.drives = drives_of(mechanism, mechanism.home)
         self.relations: list[Expr] = []
 
     def input_of(self, joint: str) -> str:
         """Input that drives a joint, through couplings too."""
-        return self.mechanism.inputs[self.drives[joint][0]]
+        (number,) = self.drives[joint]
+        return self.mechanism.inputs[number]
 
     # -- one leg ---------------------------------------------------------------------------------
 
@@ -169,8 +170,8 @@ class Context:
         for levers in forms.levers:
             row = [sympy.Integer(0)] * len(inputs)
             for joint, lever in levers.items():
-                k = self.drives[joint]
-                row[k[0]] += sympy.nsimplify(k[1]) * self._factored(forms.ring, lever)
+                ((number, ratio),) = self.drives[joint].items()
+                row[number] += sympy.nsimplify(ratio) * self._factored(forms.ring, lever)
             rows.append(row)
         return sympy.ImmutableMatrix(rows) if rows else sympy.ImmutableMatrix(0, len(inputs), [])
 

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from closedchain.analysis.symbolic.parameters import turn
 from closedchain.analysis.symbolic.ring import Angle
-from closedchain.closure.kinds import FREEDOMS, Closure
+from closedchain.closure.closures import Closure
 from closedchain.closure.mechanism import Mechanism
 from closedchain.closure.nearest import close
 
@@ -74,7 +74,7 @@ class Coordinates:
         else:
             found = (about_z,)
         suffixes = "xyz" if closure.kind == "spherical" else "123"
-        one = FREEDOMS[closure.kind] == 1
+        one = closure.joint_kind.freedoms == 1
         names = [closure.name if one else f"{closure.name}.{s}" for s in suffixes]
         return dict(zip(names, found, strict=False))
 

@@ -60,7 +60,7 @@ def test_counts_of_an_entry_agree(kind: JointKind) -> None:
     assert len(kind.values(p, r, SIZES)) == len(kind.wrenches(p, r, SIZES)) == kind.rows
     assert len(kind.translational) == kind.rows
     assert sorted(kind.translational, reverse=True) == list(kind.translational), "lengths first"
-    assert len(kind.screws) == kind.freedoms == 6 - kind.rows
+    assert len(kind.screws) == sum(kind.parts) == kind.freedoms == 6 - kind.rows
 
 
 @pytest.mark.parametrize("kind", KINDS, ids=ids)
@@ -173,17 +173,20 @@ def test_rotation_rows_of_a_fixed_joint_are_log6_to_first_order() -> None:
 
 @pytest.mark.parametrize("kind", KINDS, ids=ids)
 def test_free_screws_are_what_the_rows_leave(kind: JointKind, tol: Tolerances) -> None:
-    """At closed gaps the twists of the screws are orthonormal and no row sees them."""
+    """At closed gaps the twists of the screws are independent and no row sees them."""
     rng = np.random.default_rng(7)
     for _ in range(20):
         p, r = closed_gap(kind.name, rng)
         assert_close(kind.values(p, r, SIZES), np.zeros(kind.rows), 1e-14)
         twists = np.array([[*v, *w] for v, w in kind.twists(p, r)]).reshape(-1, 6)
-        assert_close(twists @ twists.T, np.eye(kind.freedoms), tol.algebra, "orthonormal")
+        if kind.name == "distance":
+            assert np.linalg.svd(twists, compute_uv=False)[-1] > 0.2
+        else:
+            assert_close(twists @ twists.T, np.eye(kind.freedoms), tol.algebra, "orthonormal")
         wrenches = forces(kind, p, r).reshape(-1, 6)
         assert_close(wrenches @ twists.T, np.zeros((kind.rows, kind.freedoms)), tol.algebra)
-        moving = [np.array(v).any() for v, _ in kind.twists(p, r)]
-        assert moving == [screw.is_length for screw in kind.screws]
+        slides = [not np.any(w) for _, w in kind.twists(p, r)]
+        assert slides == [screw.is_length for screw in kind.screws]
 
 
 def closed_gap(kind: str, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
