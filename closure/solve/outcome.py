@@ -22,6 +22,7 @@ class Ending(Enum):
     # -- the start
     SINGULAR_START = "singular start", "the start is singular: no branch leads on from it"
     OPEN_START = "open start", "the start does not close, and no closed posture lies beside it"
+    UNREACHED = "unreached", "the first sample is not reached from the start"
 
     # -- Newton's method, which must not change branch
     FAR = "far", "Newton's steps are long or do not shrink: another solution may be nearer"

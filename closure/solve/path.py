@@ -21,6 +21,7 @@ import pinocchio as pin
 
 from closedchain.closure.solve.outcome import Ending
 from closedchain.closure.solve.problem import POSE, Problem, pose_of
+from closedchain.closure.tape.elimination import Elimination, small_determinant
 from closedchain.closure.tape.expression import Expr, Graph
 from closedchain.closure.tape.machine import Compiled, Looped, compiled, looped
 from closedchain.closure.tape.rows import Kinematics, Rows, kinematics
@@ -41,6 +42,9 @@ TICKS = 400  # steps of Newton's method between looks at the keyboard
 
 STATE = ("reached", "step", "bound", "count", "sign", "status", "det", "evaluations")
 RUNNING = -1.0
+FRESH = np.array([-1.0, 0.0, FIRST_STEP, 0.0, 0.0, RUNNING, 0.0, 0.0])
+"""``STATE`` at the start; the step is set to the longest."""
+
 REFUSED = (Ending.SINGULAR, Ending.OTHER_SIDE, Ending.FAR, Ending.SLOW)
 
 
@@ -59,7 +63,7 @@ class Follower:
         g = Graph()
         accepted, trial = g.inputs(0, nq), g.inputs(nq, nq)
         names = dict(zip(STATE, g.inputs(2 * nq, len(STATE)), strict=True))
-        first = 2 * nq + len(STATE)
+        first = self.states
         numbers = g.inputs(first, self.parameters)
         share = _share(names)
         target = self._target(numbers, share)
@@ -71,9 +75,11 @@ class Follower:
         lu = problem.elimination(g, rows, self._sampled(g, first + self.parameters, nq, first))
         step = lu.shortest([-rows.values[r] for r in problem.kept])
         size = _length(g, list(step.values()))
-        det = lu.determinant(problem.free) if problem.square else g.constant(1.0)
+        old = g.inputs(2 * nq + len(STATE), self.kernel)
+        turn, basis = self._turned(lu, old, names["reached"] < 0.0)
+        det = lu.determinant(problem.free)
         moved = k.moved(q, step)
-        judged = Judged(size, _largest(g, rows, problem.kept), det, lu.least)
+        judged = Judged(size, _largest(g, rows, problem.kept), det, turn, lu.least)
         after, running = control(names, share, judged, numbers[-2], numbers[-1])
         keep, take, back = after.pop("keep"), after.pop("take"), after.pop("back")
         state = [take.select(b, a) for a, b in zip(accepted, moved, strict=True)]
@@ -82,7 +88,40 @@ class Follower:
             for old, a, new in zip(trial, accepted, moved, strict=True)
         ]
         state += [keep.select(names[n], after[n]) for n in STATE]
-        return looped(g.tape([*state, running], first + self.parameters), 2 * nq + len(STATE))
+        state += [take.select(b, a) for a, b in zip(old, basis, strict=True)]
+        return looped(g.tape([*state, running], first + self.parameters), first)
+
+    @property
+    def kernel(self) -> int:
+        """Numbers of a basis of the null space, none where the system is square."""
+        problem = self.problem
+        return len(problem.free) * (len(problem.free) - len(problem.kept))
+
+    @property
+    def states(self) -> int:
+        """Numbers of the state: both postures, ``STATE``, the null space at the last good one."""
+        return 2 * self.problem.mechanism.model.nq + len(STATE) + self.kernel
+
+    def _turned(
+        self, lu: Elimination, old: Sequence[Expr], opening: Expr
+    ) -> tuple[Expr, list[Expr]]:
+        """How the null space turned since the last good posture (``old``), and what it is now.
+
+        With A the kept rows, N and M the null spaces then and now, det [A; N^T] keeps its sign
+        while A keeps its rank and its null space turns by less than a right angle. With B the
+        pivot columns of A and M scaled to units in the free ones, it is det B det (N^T M): here is
+        the second factor, 1 where A is square.
+        """
+        free, g = self.problem.free, lu.graph
+        if self.problem.square:
+            return g.constant(1.0), []
+        zero, size = g.constant(0.0), len(free)
+        kernel = [[m.get(v, zero) for v in free] for m in lu.kernel()]
+        turned: dict[int, dict[int, Expr]] = {}
+        for i, m in enumerate(kernel):
+            before = [opening.select(a, b) for a, b in zip(m, old[i * size :], strict=False)]
+            turned[i] = {j: _inner(g, before, other) for j, other in enumerate(kernel)}
+        return small_determinant(g, turned), [x for m in kernel for x in m]
 
     @property
     def parameters(self) -> int:
@@ -160,23 +199,19 @@ class Follower:
         its own side of the singular set unless ``branch`` (n,) says which sign is wanted.
         """
         nq, n = q.shape[1], len(q)
-        state = np.empty((2 * nq + len(STATE), n))
+        state = np.zeros((self.states, n))
         state[:nq] = state[nq : 2 * nq] = q.T
-        numbers = self._lay_out(begin, end, None, smallest).T
-        state[2 * nq :] = np.array([-1.0, 0.0, FIRST_STEP, 0.0, 0.0, RUNNING, 0.0, 0.0])[:, None]
+        numbers = np.ascontiguousarray(self._lay_out(begin, end, None, smallest).T)
+        state[2 * nq : 2 * nq + len(STATE)] = FRESH[:, None]
         state[2 * nq + 1] = numbers[-2]
         if branch is not None:
             state[2 * nq + 4] = branch
-        numbers = np.ascontiguousarray(numbers)
         for a in range(0, n, CHUNK):
-            part = np.ascontiguousarray(state[:, a : a + CHUNK])
-            given = np.ascontiguousarray(numbers[:, a : a + CHUNK])
-            while True:
+            part, given = state[:, a : a + CHUNK], numbers[:, a : a + CHUNK]
+            self.loop.run(part, given, TICKS)
+            while (part[2 * nq + 5] == RUNNING).any():
                 self.loop.run(part, given, TICKS)
-                if (part[2 * nq + 5] != RUNNING).all():
-                    break
-            state[:, a : a + CHUNK] = part
-        rest = dict(zip(STATE, state[2 * nq :], strict=True))
+        rest = dict(zip(STATE, state[2 * nq :], strict=False))
         return Way(
             q=np.ascontiguousarray(state[:nq].T),
             reached=np.maximum(rest["reached"], 0.0),
@@ -225,11 +260,16 @@ class Way:
 
 @dataclass(frozen=True, eq=False)
 class Judged:
-    """What one step of Newton's method tells: its length, the largest row, determinant, pivot."""
+    """What one step of Newton's method tells.
+
+    Its length, the largest row, the determinant of the pivot columns, how the null space turned
+    (see ``Follower``), and the smallest pivot.
+    """
 
     size: Expr
     closed: Expr
     det: Expr
+    turn: Expr
     least: Expr
 
 
@@ -241,11 +281,10 @@ def control(
     Beside the state come the truth values ``take`` (accept the posture that the step leads to),
     ``back`` (try again from the last good one) and ``keep`` (ended before).
     """
-    g = share.graph
     running = names["status"] < 0.0
     opening = names["reached"] < 0.0
     singular = ~(judged.least > PIVOT)
-    wrong = judged.det * names["sign"] < 0.0
+    wrong = judged.det * judged.turn * names["sign"] < 0.0
     late = ~(names["count"] < float(ITERATIONS))
     rounding = (judged.size < ROUNDING) & (judged.closed < CLOSED)
     short = (judged.size < names["bound"]) | rounding
@@ -280,6 +319,13 @@ def _share(names: dict[str, Expr]) -> Expr:
     """Share of the way that is tried: 0 until the start is closed."""
     ahead = (names["reached"] + names["step"]).min(1.0)
     return (names["reached"] < 0.0).select(0.0, ahead)
+
+
+def _inner(g: Graph, a: Sequence[Expr], b: Sequence[Expr]) -> Expr:
+    found = g.constant(0.0)
+    for x, y in zip(a, b, strict=True):
+        found = found + x * y
+    return found
 
 
 def _length(g: Graph, values: Sequence[Expr]) -> Expr:

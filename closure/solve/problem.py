@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -43,11 +44,14 @@ class Problem:
         Tangent coordinates of the joints with prescribed values, one-freedom joints only.
     goals : tuple of (frame, components)
         Frames with a wanted pose, and which of its components 0 to 5 for x y z rx ry rz count.
+    chosen : tuple of int, optional
+        Independent rows to keep; those that suit the samples by default.
     """
 
     mechanism: Mechanism
     pinned: tuple[int, ...] = ()
     goals: tuple[tuple[str, tuple[int, ...]], ...] = ()
+    chosen: tuple[int, ...] | None = None
 
     @cached_property
     def free(self) -> tuple[int, ...]:
@@ -123,6 +127,8 @@ class Problem:
         The others vanish where these do, near the samples; solvers check them, they do not solve
         them.
         """
+        if self.chosen is not None:
+            return self.chosen
         matrices = self.sampled_jacobians[self._regular]
         rows = matrices.shape[1]
         if 0 in matrices.shape:
@@ -141,7 +147,7 @@ class Problem:
         from closedchain.closure.task import goal, goal_rows
 
         m = self.mechanism
-        values, jacobian = m.workspace.evaluate(q)
+        _, jacobian = m.workspace.evaluate(q)
         parts = [np.array(jacobian)]
         for frame, outputs in self.goals:
             names = tuple(OUTPUTS[i] for i in outputs)
@@ -166,6 +172,10 @@ class Problem:
         """Whether there are rows beside the kept ones."""
         return len(self.kept) < self.units.size
 
+    def keeping(self, rows: tuple[int, ...]) -> Problem:
+        """The same problem with other rows kept; made once."""
+        return _known(self.mechanism, (self.pinned, self.goals, rows))
+
 
 _PROBLEMS: WeakKeyDictionary[Mechanism, dict[object, Problem]] = WeakKeyDictionary()
 
@@ -176,14 +186,13 @@ def problem_of(
     goals: Sequence[tuple[str, Sequence[str]]] = (),
 ) -> Problem:
     """Problem with these pins and goals (outputs by name), made once for each mechanism."""
-    key = (
-        tuple(int(v) for v in pinned),
-        tuple((frame, tuple(OUTPUTS.index(n) for n in names)) for frame, names in goals),
-    )
+    wanted = tuple((frame, tuple(OUTPUTS.index(n) for n in names)) for frame, names in goals)
+    return _known(mechanism, (tuple(int(v) for v in pinned), wanted, None))
+
+
+def _known(mechanism: Mechanism, key: tuple[Any, Any, tuple[int, ...] | None]) -> Problem:
     known = _PROBLEMS.setdefault(mechanism, {})
-    if key not in known:
-        known[key] = Problem(mechanism, *key)
-    return known[key]
+    return known.setdefault(key, Problem(mechanism, *key))
 
 
 def flat_poses(poses: Sequence[pin.SE3]) -> np.ndarray:

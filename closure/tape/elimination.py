@@ -51,11 +51,13 @@ class Elimination:
         return self.graph.constant(1.0) if found is None else found
 
     def determinant(self, columns: Sequence[int]) -> Expr:
-        """Determinant of the square matrix with its columns in the order given."""
+        """Determinant of the square matrix with its columns in the order given.
+
+        Where there are free columns, that of the matrix with unit rows for them put below.
+        """
         place = {c: i for i, c in enumerate(columns)}
-        sign = parity([r for r, _, _ in self.pivots]) * parity(
-            [place[c] for _, c, _ in self.pivots]
-        )
+        order = [c for _, c, _ in self.pivots] + list(self.free)
+        sign = parity([r for r, _, _ in self.pivots]) * parity([place[c] for c in order])
         product = self.graph.constant(1.0)
         for _, _, pivot in self.pivots:
             product = product * pivot
@@ -64,7 +66,7 @@ class Elimination:
     def solve(self, right: Sequence[Expr], free: Sparse | None = None) -> Sparse:
         """x with A x = right (by row), with given values of the free columns (0 by default)."""
         known = dict(free or {})
-        b = {row: value for row, value in enumerate(right)}
+        b = dict(enumerate(right))
         for (row, _, _), multipliers in zip(self.pivots, self.lower, strict=True):
             for below, factor in multipliers.items():
                 b[below] = b[below] - factor * b[row]
@@ -183,6 +185,21 @@ def positive_solve(graph: Graph, matrix: dict[int, Sparse], right: Sequence[Expr
             value = value - a[k][j] * x[j]
         x[k] = value * a[k][k].recip()
     return x
+
+
+def small_determinant(graph: Graph, matrix: dict[int, Sparse]) -> Expr:
+    """Determinant of a small matrix near a positive definite one, unrolled, in its own order."""
+    n = len(matrix)
+    a = {i: dict(matrix[i]) for i in range(n)}
+    product = graph.constant(1.0)
+    for k in range(n):
+        product = product * a[k][k]
+        inverse = a[k][k].recip()
+        for i in range(k + 1, n):
+            factor = a[i][k] * inverse
+            for j in range(k + 1, n):
+                a[i][j] = a[i][j] - factor * a[k][j]
+    return product
 
 
 def parity(order: Sequence[int]) -> int:
