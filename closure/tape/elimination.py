@@ -81,14 +81,15 @@ class Elimination:
         return known
 
     def solve_transposed(self, right: Sparse) -> list[Expr]:
-        """y (by row) with A^T y = right (by column); a square matrix."""
+        """y (by row) with A^T y = right (by column) in the columns that have pivots."""
         zero = self.graph.constant(0.0)
         c = {column: right.get(column, zero) for _, column, _ in self.pivots}
         y: Sparse = {}
         for (row, column, pivot), rest in zip(self.pivots, self.upper, strict=True):
             y[row] = c[column] * pivot.recip()
             for other, entry in rest.items():
-                c[other] = c[other] - entry * y[row]
+                if other in c:
+                    c[other] = c[other] - entry * y[row]
         for (row, _, _), multipliers in zip(
             reversed(self.pivots), reversed(self.lower), strict=True
         ):
@@ -129,22 +130,29 @@ class Elimination:
 
 
 def eliminate(
-    graph: Graph, rows: Sequence[Sparse], columns: Sequence[int], samples: np.ndarray
+    graph: Graph,
+    rows: Sequence[Sparse],
+    columns: Sequence[int],
+    samples: np.ndarray,
+    carried: Sequence[int] = (),
 ) -> Elimination:
     """Factorise rows over ``columns`` (others are not looked at); at least as many as rows.
 
     ``samples`` (inputs, n) are values of the graph's inputs at which pivots must not be small.
+    ``carried`` are further columns that are eliminated along and never have a pivot.
 
     Raises
     ------
     ArithmeticError
         No pivot is left: the rows are dependent at the samples.
     """
-    live = {r: {c: e for c, e in row.items() if c in set(columns)} for r, row in enumerate(rows)}
+    open_ = set(columns)
+    known = open_ | set(carried)
+    live = {r: {c: e for c, e in row.items() if c in known} for r, row in enumerate(rows)}
     numbers = _numbers(graph, live, samples)
     pivots, lower, upper = [], [], []
     while live:
-        row, column = _pivot(live, numbers)
+        row, column = _pivot(live, numbers, open_)
         rest = live.pop(row)
         pivot, size = rest.pop(column), numbers.pop(row)
         inverse = pivot.recip()
@@ -162,7 +170,7 @@ def eliminate(
         lower.append(multipliers)
         upper.append(rest)
     used = {c for _, c, _ in pivots}
-    free = tuple(c for c in columns if c not in used)
+    free = tuple(c for c in (*columns, *carried) if c not in used)
     return Elimination(graph, tuple(pivots), tuple(lower), tuple(upper), free)
 
 
@@ -226,20 +234,23 @@ def _numbers(
     return found
 
 
-def _pivot(live: dict[int, Sparse], numbers: dict[int, dict[int, np.ndarray]]) -> tuple[int, int]:
-    """Entry that fills in least, among those that are never small against their row."""
+def _pivot(
+    live: dict[int, Sparse], numbers: dict[int, dict[int, np.ndarray]], columns: set[int]
+) -> tuple[int, int]:
+    """Entry that fills in least, among those of ``columns`` never small against their row."""
     counts: dict[int, int] = {}
     for row in live.values():
         for c in row:
             counts[c] = counts.get(c, 0) + 1
     best: tuple[tuple[int, float], int, int] | None = None
     for r, row in live.items():
-        if not row:
+        here = [c for c in row if c in columns]
+        if not here:
             raise ArithmeticError(f"row {r} depends on the others: no pivot is left")
-        least_fill = min((len(row) - 1) * (counts[c] - 1) for c in row)
+        least_fill = min((len(row) - 1) * (counts[c] - 1) for c in here)
         if best is not None and least_fill > best[0][0]:
             continue
-        sizes = {c: np.abs(numbers[r][c]) for c in row}
+        sizes = {c: np.abs(numbers[r][c]) for c in row if c in columns}
         largest = np.maximum.reduce(list(sizes.values()))
         for c, size in sizes.items():
             share = float(np.min(size / np.maximum(largest, 1e-300)))
@@ -253,7 +264,7 @@ def _pivot(live: dict[int, Sparse], numbers: dict[int, dict[int, np.ndarray]]) -
     # no entry is large everywhere: the one whose worst share is largest
     worst = (-1.0, -1, -1)
     for r, row in live.items():
-        sizes = {c: np.abs(numbers[r][c]) for c in row}
+        sizes = {c: np.abs(numbers[r][c]) for c in row if c in columns}
         largest = np.maximum.reduce(list(sizes.values()))
         for c, size in sizes.items():
             share = float(np.min(size / np.maximum(largest, 1e-300)))
