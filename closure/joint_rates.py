@@ -33,8 +33,14 @@ _WORLD = pin.LOCAL_WORLD_ALIGNED
 
 
 @dataclass(frozen=True, eq=False)
-class _CutJoint:
-    """A cut joint: its frames, and whether it slides, turns, or is a rod."""
+class CutJoint:
+    """A cut joint: its frames, and whether it slides, turns, or is a rod.
+
+    Attributes
+    ----------
+    joints, placements : pair
+        Pinocchio's joints that carry the two frames, and the frames' placements on them.
+    """
 
     joints: tuple[int, int]
     placements: tuple[pin.SE3, pin.SE3]
@@ -44,14 +50,22 @@ class _CutJoint:
 
 
 @dataclass(frozen=True, eq=False)
-class _Layout:
-    """Tangent coordinates that are rates themselves, and the cut joints."""
+class RateLayout:
+    """What counts in the norm of a motion.
+
+    Attributes
+    ----------
+    own : array of int
+        Tangent coordinates that are rates of joints themselves.
+    cut : tuple of CutJoint
+        The cut joints.
+    """
 
     own: np.ndarray
-    cut: tuple[_CutJoint, ...]
+    cut: tuple[CutJoint, ...]
 
 
-_LAYOUTS: WeakKeyDictionary[Mechanism, _Layout] = WeakKeyDictionary()
+_LAYOUTS: WeakKeyDictionary[Mechanism, RateLayout] = WeakKeyDictionary()
 
 
 def physical_rates(mechanism: Mechanism, q: np.ndarray) -> np.ndarray:
@@ -66,7 +80,7 @@ def physical_rates(mechanism: Mechanism, q: np.ndarray) -> np.ndarray:
     q : (nq,) array
         A closed posture, unchecked.
     """
-    layout = _layout(mechanism)
+    layout = rate_layout(mechanism)
     nv = mechanism.model.nv
     parts = [np.eye(nv)[layout.own]]
     if layout.cut:
@@ -94,21 +108,22 @@ def orthonormal_motions(basis: np.ndarray, rates: np.ndarray) -> np.ndarray:
     )
 
 
-def _layout(mechanism: Mechanism) -> _Layout:
+def rate_layout(mechanism: Mechanism) -> RateLayout:
+    """What counts in the norm of a mechanism's motions, found once."""
     if mechanism not in _LAYOUTS:
         own = [j.idx_v + k for j in _counted(mechanism) for k in range(j.nv)]
-        _LAYOUTS[mechanism] = _Layout(np.array(own, dtype=int), _cut_joints(mechanism))
+        _LAYOUTS[mechanism] = RateLayout(np.array(own, dtype=int), _cut_joints(mechanism))
     return _LAYOUTS[mechanism]
 
 
-def _cut_joints(mechanism: Mechanism) -> tuple[_CutJoint, ...]:
+def _cut_joints(mechanism: Mechanism) -> tuple[CutJoint, ...]:
     found = []
     for closure in mechanism.closures:
         if not isinstance(closure, Closure):
             continue  # a coupling
         pairs = {screw.pair for screw in closure.joint_kind.screws}
         found.append(
-            _CutJoint(
+            CutJoint(
                 joints=(closure.joint1, closure.joint2),
                 placements=(closure.placement1, closure.placement2),
                 slides="P" in pairs,
@@ -137,7 +152,7 @@ def _counted(mechanism: Mechanism) -> list[pin.JointModel]:
     return [j for j in joints if j.nv == 1 or root(j.id) != root(model.parents[j.id])]
 
 
-def _cut_rates(mechanism: Mechanism, cut: _CutJoint) -> np.ndarray:
+def _cut_rates(mechanism: Mechanism, cut: CutJoint) -> np.ndarray:
     """Rates (k, nv) of a cut joint; joint Jacobians must be up to date."""
     (place1, first), (place2, second) = (
         _frame(mechanism, joint, placement)
