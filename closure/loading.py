@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import os
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pinocchio as pin
 
 from closedchain.closure.closures import Closure, CoupledJoint, Coupling
+from closedchain.closure.length import characteristic_length
 from closedchain.closure.mechanism import Mechanism, TaskFrame
 from closedchain.closure.nearest import close
 from closedchain.closure.tree import Tree, build_tree, se3
-from closedchain.urdf.description import Description, LoopClosure, ParameterValue
+from closedchain.urdf.description import Coupling as MimicSpec
+from closedchain.urdf.description import Description, JointRelation, LoopClosure, ParameterValue
 from closedchain.urdf.errors import DescriptionError
 
 
@@ -52,7 +55,8 @@ def mechanism_from_description(description: Description) -> Mechanism:
     tree = build_tree(description)
     closures: tuple[Closure | Coupling, ...] = (
         *(_closure(tree, spec) for spec in description.closures),
-        *(_coupling(tree, description, i) for i in range(len(description.couplings))),
+        *(_mimic(tree, description, spec) for spec in description.couplings),
+        *(_relation(tree, description, spec) for spec in description.relations),
     )
     task = description.task
     stated = _stated_home(tree, description)
@@ -64,10 +68,21 @@ def mechanism_from_description(description: Description) -> Mechanism:
         task=None if task is None else TaskFrame(task.base, task.tip, task.outputs),
         home=stated,
         parameters=description.parameters,
-        length=_length(tree, description, closures, stated),
+        length=1.0,
         description=description,
     )
-    return replace(mechanism, home=_closed_home(mechanism, stated))
+    # the length of the stated posture closes home, whose own length then holds
+    mechanism = replace(mechanism, length=_length(mechanism, stated))
+    home = _closed_home(mechanism, stated)
+    return replace(mechanism, home=home, length=_length(mechanism, home))
+
+
+def _length(mechanism: Mechanism, q: np.ndarray) -> float:
+    """Characteristic length [m]: as stated by the task, else that of a posture (nq,)."""
+    task = mechanism.description.task
+    if task is not None and task.length is not None:
+        return task.length
+    return characteristic_length(mechanism.model, mechanism.closures, q)
 
 
 def _closed_home(mechanism: Mechanism, stated: np.ndarray) -> np.ndarray:
@@ -107,9 +122,7 @@ def _z_onto(axis: tuple[float, float, float]) -> pin.SE3:
     return pin.SE3(quaternion.matrix(), np.zeros(3))
 
 
-def _coupling(tree: Tree, description: Description, index: int) -> Coupling:
-    spec = description.couplings[index]
-    prismatic = {j.name for j in description.joints if j.type == "prismatic"}
+def _mimic(tree: Tree, description: Description, spec: MimicSpec) -> Coupling:
     return Coupling(
         name=f"{spec.joint}_mimic",
         kind="coupling",
@@ -117,8 +130,27 @@ def _coupling(tree: Tree, description: Description, index: int) -> Coupling:
             _coupled(tree, spec.joint, (0.0, 1.0)),
             _coupled(tree, spec.leader, (-spec.offset, -spec.multiplier)),
         ),
-        length_row=spec.joint in prismatic,
+        length_row=_slides(description, spec.joint),
     )
+
+
+def _relation(tree: Tree, description: Description, spec: JointRelation) -> Coupling:
+    if spec.type == "linear":
+        slopes = spec.coefficients
+        terms: list[tuple[float, ...]] = [(-spec.offset, slopes[0])]
+        terms += [(0.0, slope) for slope in slopes[1:]]
+    else:
+        terms = [(0.0, 1.0), tuple(-c for c in spec.coefficients)]
+    return Coupling(
+        name=spec.name,
+        kind=spec.type,
+        joints=tuple(map(partial(_coupled, tree), spec.joints, terms)),
+        length_row=_slides(description, spec.joints[0]),
+    )
+
+
+def _slides(description: Description, joint: str) -> bool:
+    return any(j.name == joint and j.type == "prismatic" for j in description.joints)
 
 
 def _coupled(tree: Tree, joint: str, coefficients: tuple[float, ...]) -> CoupledJoint:
@@ -132,32 +164,3 @@ def _stated_home(tree: Tree, description: Description) -> np.ndarray:
         joint = tree.model.joints[tree.model.getJointId(name)]
         home[joint.idx_q : joint.idx_q + joint.nq] = values
     return home
-
-
-def _length(
-    tree: Tree,
-    description: Description,
-    closures: tuple[Closure | Coupling, ...],
-    home: np.ndarray,
-) -> float:
-    """Characteristic length [m]: as stated by the task, else from the home posture.
-
-    Root mean square distance of the points where loops close from their centroid; of the joints
-    where fewer than two such points are apart; 1 for a mechanism without extent.
-    """
-    if description.task is not None and description.task.length is not None:
-        return description.task.length
-    data = tree.model.createData()
-    pin.forwardKinematics(tree.model, data, home)
-    loops = [c for c in closures if isinstance(c, Closure)]
-    for points in (
-        [(data.oMi[c.joint2] * c.placement2).translation for c in loops],
-        [m.translation for m in data.oMi],
-    ):
-        if len(points) < 2:
-            continue
-        spread = np.array(points) - np.mean(points, axis=0)
-        radius = float(np.sqrt(np.mean(np.sum(spread**2, axis=1))))
-        if radius > 1e-9:
-            return radius
-    return 1.0

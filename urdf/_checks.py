@@ -5,7 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Protocol
 
-from closedchain.urdf.description import Coupling, Input, Joint, Link, LoopClosure
+from closedchain.urdf.description import (
+    Coupling,
+    Input,
+    Joint,
+    JointRelation,
+    Link,
+    LoopClosure,
+)
 from closedchain.urdf.errors import DescriptionError, known_names
 
 
@@ -164,6 +171,26 @@ def check_couplings(
             raise DescriptionError(
                 f"<mimic>: {problem}", line=coupling.line, element="joint", name=coupling.joint
             )
+
+
+def check_relations(
+    relations: Sequence[JointRelation], joints: Mapping[str, Joint], one_dof: Sequence[str]
+) -> None:
+    """Refuse relations of joints that do not exist or have no single value."""
+    for relation in relations:
+        for name in relation.joints:
+            problem = ""
+            if name not in joints:
+                problem = known_names(name, "joint", joints)
+            elif joints[name].type not in one_dof:
+                problem = (
+                    f"the joint {name!r} is {joints[name].type}; a joint of a {relation.type} "
+                    f"constraint is one of: {', '.join(one_dof)}"
+                )
+            if problem:
+                raise DescriptionError(
+                    problem, line=relation.line, element="constraint", name=relation.name
+                )
 
 
 def refuse_shared_joints(inputs: Sequence[Input]) -> None:

@@ -31,6 +31,9 @@ ClosureType = Literal[
 ]
 CLOSURE_TYPES: tuple[ClosureType, ...] = get_args(ClosureType)
 
+RelationType = Literal["linear", "polynomial"]
+RELATION_TYPES: tuple[RelationType, ...] = get_args(RelationType)
+
 OUTPUTS: tuple[str, ...] = ("x", "y", "z", "rx", "ry", "rz")
 
 
@@ -113,6 +116,23 @@ class LoopClosure:
 
 
 @dataclass(frozen=True)
+class JointRelation:
+    """Joint values that depend on each other, each in its joint's own unit.
+
+    * "linear": the values of ``joints`` times ``coefficients`` add up to ``offset``;
+    * "polynomial": the first joint's value is the polynomial with ``coefficients``, from the
+      constant one upwards, of the second one's.
+    """
+
+    name: str
+    type: RelationType
+    joints: tuple[str, ...]
+    coefficients: tuple[float, ...]
+    offset: float = 0.0
+    line: int | None = None
+
+
+@dataclass(frozen=True)
 class Input:
     """An actuated joint; ``name`` is the paper's symbol."""
 
@@ -151,6 +171,10 @@ class Description:
 
     Attributes
     ----------
+    closures, relations : tuples
+        The ``<constraint>`` elements: cut joints, and relations of joint values.
+    couplings : tuple of Coupling
+        The ``<mimic>`` elements.
     home : mapping joint name -> values
         The ``<group_state name="home">``: one value for a revolute or prismatic joint, seven
         (x y z qx qy qz qw) for a floating one. Joints not listed are at zero.
@@ -173,6 +197,7 @@ class Description:
     joints: tuple[Joint, ...]
     closures: tuple[LoopClosure, ...] = ()
     couplings: tuple[Coupling, ...] = ()
+    relations: tuple[JointRelation, ...] = ()
     inputs: tuple[Input, ...] = ()
     task: Task | None = None
     home: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
@@ -201,6 +226,7 @@ class Description:
                 self.joints,
                 self.closures,
                 self.couplings,
+                self.relations,
                 self.inputs,
                 self.task,
                 dict(self.home),

@@ -19,6 +19,7 @@ from closedchain.urdf._bodies import ONE_DOF, read_joint, read_link
 from closedchain.urdf._checks import (
     check_closures,
     check_couplings,
+    check_relations,
     refuse_duplicates,
     refuse_shared_joints,
     root_of,
@@ -27,7 +28,14 @@ from closedchain.urdf._foreign import set_aside
 from closedchain.urdf._roles import read_input, read_remark, read_state, read_task
 from closedchain.urdf._scan import scan
 from closedchain.urdf.constraint_element import CONSTRAINT, read_constraint
-from closedchain.urdf.description import Description, Joint, ParameterValue, Task
+from closedchain.urdf.description import (
+    Description,
+    Joint,
+    JointRelation,
+    LoopClosure,
+    ParameterValue,
+    Task,
+)
 from closedchain.urdf.errors import DescriptionError
 from closedchain.urdf.expansion import expand
 
@@ -100,13 +108,16 @@ def read(text: str, *, parameters: Mapping[str, ParameterValue] = _NONE) -> Desc
     pairs = [read_joint(element, notes) for element in root.findall("joint")]
     joints = tuple(joint for joint, _ in pairs)
     couplings = tuple(coupling for _, coupling in pairs if coupling is not None)
-    closures = tuple(read_constraint(element) for element in root.findall(CONSTRAINT))
+    constraints = tuple(read_constraint(element) for element in root.findall(CONSTRAINT))
+    closures = tuple(c for c in constraints if isinstance(c, LoopClosure))
+    relations = tuple(c for c in constraints if isinstance(c, JointRelation))
     refuse_duplicates(links, "link")
     refuse_duplicates(joints, "joint")
-    refuse_duplicates(closures, CONSTRAINT)
+    refuse_duplicates(constraints, CONSTRAINT)
     top = root_of(name, root.sourceline, links, joints)
     by_name = {joint.name: joint for joint in joints}
     check_couplings(couplings, by_name, ONE_DOF)
+    check_relations(relations, by_name, ONE_DOF)
     check_closures(closures, links, joints)
 
     followers = {coupling.joint: coupling.leader for coupling in couplings}
@@ -121,6 +132,7 @@ def read(text: str, *, parameters: Mapping[str, ParameterValue] = _NONE) -> Desc
         joints=joints,
         closures=closures,
         couplings=couplings,
+        relations=relations,
         inputs=inputs,
         task=_task(root, [link.name for link in links]),
         home=states.pop(_HOME, {}),

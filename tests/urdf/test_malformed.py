@@ -68,6 +68,27 @@ def follower(mimic: str, kind: str = "revolute", name: str = "f") -> str:
     )
 
 
+def rod(length: str) -> str:
+    """Rod from arm to hand."""
+    return (
+        f'<constraint name="rod" type="distance" {length}><parent link="arm"/>'
+        '<child link="hand"/></constraint>'
+    )
+
+
+def linear(joints: str) -> str:
+    """Linear relation of joints."""
+    return f'<constraint name="sum" type="linear">{joints}</constraint>'
+
+
+def cam(coefficients: str) -> str:
+    """Polynomial relation of j1 to j3."""
+    return (
+        f'<constraint name="cam" type="polynomial" {coefficients}><follower joint="j1"/>'
+        '<leader joint="j3"/></constraint>'
+    )
+
+
 CASES : dict[str, tuple[str, int, str | None, str | None, str]] = {
     # the document
     "truncated": (GOOD[:200], 9, None, None, "not well-formed"),
@@ -211,6 +232,62 @@ CASES : dict[str, tuple[str, int, str | None, str | None, str]] = {
     "duplicate constraint": (
         insert(5, '<constraint name="c1" type="fixed"><parent link="arm"/><child link="hand"/>'
                   "</constraint>"), 21, "constraint", "c1", "first at line 5"),
+    "axis of a point": (swap(21, "revolute", "point_on_line"), 26, "constraint", "c1",
+                        "has no axis on the child's side; remove <child_axis>"),
+    "plane without normal": (
+        insert(5, rod("").replace("distance", "in_plane")), 5, "constraint", "rod",
+        "an in_plane constraint needs <parent_axis>"),
+    "axis of a rod": (
+        swap(21, 'type="revolute"', 'type="distance" length="1"'), 24, "constraint", "c1",
+                           "has no axis; remove <parent_axis>"),
+    "length of a hinge": (swap(21, "type", 'length="1" type'), 21, "constraint", "c1",
+                          "unknown attribute 'length'; known: name, type"),
+    "rod with no length": (insert(5, rod("")), 5, "constraint", "rod",
+                           'a distance constraint needs its length [m]: length="..."'),
+    "rod of length zero": (insert(5, rod('length="0"')), 5, "constraint", "rod",
+                           "length=0 must be greater than zero"),
+    "rod of bad length": (insert(5, rod('length="1 m"')), 5, "constraint", "rod",
+                          "'m' is not a number"),
+    "rod to nowhere": (insert(5, rod('length="1"').replace("hand", "hnad")), 5, "constraint",
+                       "rod", "did you mean 'hand'?"),
+    # relations of joint values
+    "linear of one joint": (
+        insert(5, linear('<joint name="j1"/>')), 5, "constraint", "sum",
+        "ties two joints or more, <joint name= multiplier=>; it has 1"),
+    "linear with a link": (insert(5, linear('<parent link="arm"/>')), 5, "constraint", "sum",
+                           "unknown element 'parent'; known: joint"),
+    "linear joint twice": (
+        insert(5, linear('<joint name="j1"/><joint name="j1"/>')), 5, "joint", "j1",
+        "listed twice"),
+    "linear without a multiplier": (
+        insert(5, linear('<joint name="j1"/><joint name="j2" multiplier="0"/>')), 5, "joint", "j2",
+        "multiplier=0 leaves the joint 'j2' out"),
+    "linear unknown joint": (
+        insert(5, linear('<joint name="j1"/><joint name="j9"/>')), 5, "constraint", "sum",
+        "unknown joint 'j9'; known: j1, j2, j3"),
+    "linear floating joint": (
+        insert(5, linear('<joint name="j1"/><joint name="j2"/>')), 5, "constraint", "sum",
+        "the joint 'j2' is floating; a joint of a linear constraint is one of: revolute, "
+        "continuous, prismatic"),
+    "linear with coefficients": (
+        insert(5, linear("").replace("linear", 'linear" polycoef="1')), 5, "constraint", "sum",
+        "unknown attribute 'polycoef'; known: name, type, offset"),
+    "polynomial without coefficients": (insert(5, cam("")), 5, "constraint", "cam",
+                                        "polycoef is missing"),
+    "polynomial of one number": (insert(5, cam('polycoef="1"')), 5, "constraint", "cam",
+                                 "has 1 numbers; expected 2"),
+    "constant polynomial": (insert(5, cam('polycoef="1 0 0"')), 5, "constraint", "cam",
+                            "is constant: the follower would stand still"),
+    "polynomial of itself": (insert(5, cam('polycoef="0 1"').replace("j3", "j1")), 5,
+                             "constraint", "cam", "the joint 'j1' follows itself"),
+    "polynomial without leader": (
+        insert(5, cam('polycoef="0 1"').replace('<leader joint="j3"/>', "")), 5, "constraint",
+        "cam", "the element <leader> is missing"),
+    "polynomial of a fixed joint": (insert(5, cam('polycoef="0 1"')), 5, "constraint", "cam",
+                                    "the joint 'j3' is fixed; a joint of a polynomial"),
+    "a relation of a closure's name": (
+        insert(5, cam('polycoef="0 1"').replace("cam", "c1")), 21, "constraint", "c1",
+        "used twice (first at line 5)"),
     # inputs
     "input without joint": (swap(29, '<joint name="j1"/>', ""), 28, "transmission", "q1",
                             "<joint> is missing"),

@@ -17,6 +17,7 @@ from closedchain.urdf import (
     Description,
     DescriptionError,
     Input,
+    JointRelation,
     LoopClosure,
     Origin,
     Remark,
@@ -26,6 +27,7 @@ from closedchain.urdf import (
     read,
     read_constraint,
 )
+from closedchain.urdf.constraint_element import SPELLINGS
 
 LIMIT = '<limit lower="-3" upper="3" effort="1" velocity="1"/>'
 FOUR_BAR = f"""<robot name="four_bar" version="1.0">
@@ -221,15 +223,57 @@ def test_a_closure_survives_writing_and_reading(kind, name, parent, child, first
         length = math.hypot(*v)
         return (0.0, 0.0, 1.0) if length < 1e-3 else tuple(x / length for x in v)
 
-    axes = {}
-    if kind not in ("spherical", "fixed"):
-        first = unit(first)
-        axes = {
-            "parent_axis": first,
-            "child_axis": first if kind == "prismatic" else unit(second),
-        }
-    closure = LoopClosure(name, kind, "a", "b", parent, child, **axes, line=1)
+    spelling, axes = SPELLINGS[kind], {}
+    first = unit(first)
+    if spelling.parent_axis:
+        axes["parent_axis"] = first
+    if spelling.child_axis != "none":
+        axes["child_axis"] = first if spelling.child_axis == "equal" else unit(second)
+    sizes = tuple((size, 0.1) for size in spelling.sizes)
+    closure = LoopClosure(name, kind, "a", "b", parent, child, **axes, sizes=sizes, line=1)
     assert read_constraint(etree.fromstring(constraint_xml(closure))) == closure
+
+
+numbers = coordinates.filter(lambda x: x != 0.0)
+
+
+@given(names, st.lists(numbers, min_size=2, max_size=4), coordinates)
+def test_a_relation_survives_writing_and_reading(name, factors, offset):
+    joints = tuple(f"j{i}<&" for i in range(len(factors)))
+    linear = JointRelation(name, "linear", joints, tuple(factors), offset, line=1)
+    assert read_constraint(etree.fromstring(constraint_xml(linear))) == linear
+    cam = JointRelation(name, "polynomial", ("f", "g"), (offset, *factors), line=1)
+    assert read_constraint(etree.fromstring(constraint_xml(cam))) == cam
+
+
+def test_reads_points_rods_and_relations():
+    found = load_description(
+        """<robot name="r"><link name="a"/><link name="b"/><link name="c"/>
+        <joint name="x" type="prismatic"><parent link="a"/><child link="b"/>
+          <limit lower="-1" upper="1" effort="1" velocity="1"/></joint>
+        <joint name="y" type="continuous"><parent link="a"/><child link="c"/></joint>
+        <constraint name="slot" type="point_on_line">
+          <parent link="b"/><parent_axis xyz="2 0 0"/><child link="c"/></constraint>
+        <constraint name="sum" type="linear" offset="0.25">
+          <joint name="x"/><joint name="y" multiplier="-2"/></constraint>
+        <constraint name="plane" type="in_plane">
+          <parent link="b"/><parent_axis xyz="0 0 -1"/><child link="c"/></constraint>
+        <constraint name="rod" type="distance" length="0.3">
+          <parent link="b"/><child link="c"/><child_origin xyz="0 0 1"/></constraint>
+        <constraint name="cam" type="polynomial" polycoef="0.5 0 2">
+          <follower joint="x"/><leader joint="y"/></constraint></robot>"""
+    )
+    slot, plane, rod = found.closures
+    assert (slot.type, slot.parent_axis, slot.child_axis) == ("point_on_line", (1, 0, 0), (0, 0, 1))
+    assert (plane.type, plane.parent_axis, plane.sizes) == ("in_plane", (0, 0, -1), ())
+    assert (rod.type, rod.sizes, rod.child_origin.xyz) == (
+        "distance", (("length", 0.3),), (0, 0, 1)
+    )  # fmt: skip
+    assert found.relations == (
+        JointRelation("sum", "linear", ("x", "y"), (1.0, -2.0), 0.25, line=7),
+        JointRelation("cam", "polynomial", ("x", "y"), (0.5, 0.0, 2.0), line=13),
+    )
+    assert pickle.loads(pickle.dumps(found)) == found
 
 
 def test_names_with_special_characters_are_written_safely():
