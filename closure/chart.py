@@ -15,8 +15,9 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from closedchain.closure.solve.system import System
 from closedchain.closure.mechanism import Mechanism
+from closedchain.closure.solve.problem import Problem, problem_of
+from closedchain.closure.solve.system import System
 from closedchain.closure.task import Goal, goal
 from closedchain.urdf.description import OUTPUTS
 
@@ -136,6 +137,25 @@ class Chart:
         else:
             turns = rotations(np.stack([column(n) for n in OUTPUTS[3:]], axis=1))
         return pins, home.rotation @ turns, places
+
+    def targets(self, values: ArrayLike) -> np.ndarray:
+        """Targets (n, prescribed) of ``problem`` for coordinates (n, k): pins, then the tip's pose.
+
+        Pins in m or rad; the pose as ``pin.SE3ToXYZQUAT``, only where outputs are prescribed. A
+        row depends on its own coordinates alone, to the last bit.
+        """
+        pins, turns, places = self.prescribed(values)
+        if not self.outputs:
+            return pins
+        return np.ascontiguousarray(np.hstack([pins, places, quaternions(turns)]))
+
+    @property
+    def problem(self) -> Problem:
+        """Closures with the joints of the chart pinned and its outputs prescribed."""
+        if not self.outputs:
+            return problem_of(self.mechanism, self.pinned_v)
+        tip = self.mechanism.required_task().tip
+        return problem_of(self.mechanism, self.pinned_v, ((tip, self.outputs),))
 
     @cached_property
     def _pins(self) -> tuple[np.ndarray, list[int], list[int]]:
@@ -263,3 +283,24 @@ def rotations(vectors: np.ndarray) -> np.ndarray:
     from scipy.spatial.transform import Rotation
 
     return np.asarray(Rotation.from_rotvec(vectors).as_matrix())
+
+
+def quaternions(turns: np.ndarray) -> np.ndarray:
+    """Unit quaternions x y z w (n, 4), w not negative, of rotation matrices (n, 3, 3).
+
+    Each from the column of q q^T with the largest diagonal entry, which loses no digits [Shepperd
+    1978]; the first of equal ones.
+    """
+    (a, b, c), (d, e, f), (g, h, i) = np.moveaxis(turns, 0, -1)
+    columns = np.array(
+        [
+            [1.0 + a - e - i, b + d, c + g, h - f],
+            [b + d, 1.0 - a + e - i, f + h, c - g],
+            [c + g, f + h, 1.0 - a - e + i, d - b],
+            [h - f, c - g, d - b, 1.0 + a + e + i],
+        ]
+    )
+    best = np.argmax(columns[range(4), range(4)], axis=0)
+    x, y, z, w = np.moveaxis(columns, -1, 0)[np.arange(len(turns)), best].T
+    size = np.sqrt((x * x + y * y) + (z * z + w * w))
+    return np.stack([x, y, z, w], axis=1) / np.where(w < 0.0, -size, size)[:, None]

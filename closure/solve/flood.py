@@ -1,0 +1,203 @@
+"""Filling a grid of prescribed values from solved cells: branches followed from cell to cell.
+
+Breadth first, by fronts: the ways from all cells of a front into their unsolved neighbours are
+followed together. The order is that of a queue (cells as they were reached, neighbours axis by
+axis, down before up), so that what is found depends on the grid and its seeds alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from closedchain.closure.nearest import LIMIT_TOLERANCE
+from closedchain.closure.solve.hops import Hops
+from closedchain.closure.solve.outcome import Ending
+from closedchain.closure.solve.path import Way
+from closedchain.closure.solve.problem import Problem
+
+CLOSED = 1e-9
+"""Largest of all rows [m or rad] of a solution of the kept ones that is one of all."""
+
+SHORT = 1e-2
+"""Share of a way below which it is too short to judge where it leads."""
+
+ARRIVED, UNTRIED, LIMIT = Ending.ARRIVED.code, Ending.UNTRIED.code, Ending.LIMIT.code
+FOLD, STUCK = Ending.FOLD.code, Ending.STUCK.code
+MIRRORED, REVERSED = Ending.MIRRORED.code, Ending.REVERSED.code
+
+EXPLAINS = np.zeros(len(Ending), dtype=int)
+"""By code: of several ways into a cell that was not reached, the one that explains most is kept."""
+EXPLAINS[[STUCK, MIRRORED, REVERSED, FOLD]] = 1, 2, 3, 4
+
+Progress = Callable[[int], None]
+"""Called with how many cells were reached since the last call; may raise to end the work."""
+
+
+@dataclass(frozen=True, eq=False)
+class Block:
+    """Cells of a grid.
+
+    Attributes
+    ----------
+    problem : Problem
+        With as many kept rows as unknowns.
+    targets : (*shape, prescribed) array
+        What each cell prescribes.
+    open : (*shape) array of bool
+        Cells that may be reached.
+    q : (*shape, nq) array
+        Posture of every seed; those of reached cells are written in place.
+    """
+
+    problem: Problem
+    targets: np.ndarray
+    open: np.ndarray
+    q: np.ndarray
+
+    @property
+    def size(self) -> int:
+        """Number of cells."""
+        return self.open.size
+
+    @cached_property
+    def beside(self) -> np.ndarray:
+        """Flat index of each cell's neighbours (cells, 2 k), down and up along each axis; or -1."""
+        index = np.arange(self.size).reshape(self.open.shape)
+        found = np.full((*index.shape, 2 * index.ndim), -1)
+        for axis in range(index.ndim):
+            low = tuple(slice(1, None) if a == axis else slice(None) for a in range(index.ndim))
+            high = tuple(slice(-1) if a == axis else slice(None) for a in range(index.ndim))
+            found[(*low, 2 * axis)] = index[high]
+            found[(*high, 2 * axis + 1)] = index[low]
+        return found.reshape(self.size, -1)
+
+
+def flood(block: Block, seeds: ArrayLike, progress: Progress | None = None) -> np.ndarray:
+    """Reach the open cells of a block from its seeds.
+
+    Parameters
+    ----------
+    seeds : (s,) int array
+        Flat indices (C order) of cells whose ``q`` is closed; they lead on whether open or not.
+
+    Returns
+    -------
+    (*shape) int array
+        Code of an ``Ending`` for each cell: ARRIVED where it was reached, or is a seed; LIMIT
+        where it was reached beyond a joint's limit, which does not lead on; else how the ways into
+        it ended: FOLD, STUCK, MIRRORED or REVERSED, and UNTRIED where there was none.
+        SINGULAR_START for seeds that lead nowhere.
+    """
+    work = _Work(block)
+    front = work.begin(np.array(list(dict.fromkeys(np.asarray(seeds).tolist())), dtype=np.int64))
+    while front.size:
+        front = work.onward(front)
+        if progress is not None:
+            progress(front.size)
+    solved = np.flatnonzero(work.solved)
+    block.q.reshape(block.size, -1)[solved] = work.hops.q[:, solved].T
+    return work.codes.reshape(block.open.shape)
+
+
+class _Work:
+    """What is known of the cells of a block, flat, while it is filled; a last one is no cell."""
+
+    def __init__(self, block: Block) -> None:
+        self.beside = block.beside
+        self.hops = Hops(
+            block.problem, block.targets.reshape(block.size, -1), block.q.reshape(block.size, -1)
+        )
+        self.left = np.append(block.open.reshape(-1), False)
+        self.solved = np.zeros(block.size + 1, dtype=bool)
+        self.codes = np.full(block.size, UNTRIED)
+        self.mark = np.zeros(block.size, dtype=np.int64)
+        self.limits = tuple(limit[:, None] for limit in block.problem.mechanism.limits)
+
+    def begin(self, seeds: np.ndarray) -> np.ndarray:
+        """Close seeds (s,); those that lead on."""
+        closed = self.hops.closed(seeds)
+        self.codes[seeds] = np.where(closed, ARRIVED, Ending.SINGULAR_START.code)
+        self.left[seeds] = False
+        self.solved[seeds[closed]] = True
+        return seeds[closed]
+
+    def onward(self, front: np.ndarray) -> np.ndarray:
+        """Cells reached from a front, in order.
+
+        Of several ways into a cell the next one is tried where those before fail.
+        """
+        beside = self.beside[front]
+        row, side = np.nonzero(self.left[beside])
+        begin, end = front[row], beside[row, side]
+        order = np.arange(end.size)
+        reached, places = [front[:0]], [order[:0]]
+        while end.size:
+            self.mark[end[::-1]] = order[::-1]  # the first one stays
+            first = self.mark[end] == order
+            good = self._enter(begin[first], end[first], side[first])
+            reached.append(end[first][good])
+            places.append(order[first][good])
+            rest = self.left[end] & ~first
+            begin, end, side, order = begin[rest], end[rest], side[rest], order[rest]
+        found = np.concatenate(reached)
+        return found[np.argsort(np.concatenate(places))] if len(reached) > 2 else found
+
+    def _enter(self, begin: np.ndarray, end: np.ndarray, side: np.ndarray) -> np.ndarray:
+        """Follow ways from cells into others, all different; which ones lead on, (n,) of bool."""
+        way = self.hops.ways(begin, end, self._behind(begin, side ^ 1))
+        found = self._judged(way, begin, end)
+        good = found == ARRIVED
+        there = end[good]
+        self.hops.q[:, there], self.hops.det[there] = way.q.T[:, good], way.det[good]
+        self.solved[there] = True
+        done = good | (found == LIMIT)
+        better = done | (EXPLAINS[found] > EXPLAINS[self.codes[end]])
+        self.codes[end[better]] = found[better]
+        self.left[end[done]] = False
+        return good
+
+    def _behind(self, cells: np.ndarray, side: np.ndarray) -> np.ndarray:
+        """The two cells (2, n) on a side of others, or -1 where one before them is not solved."""
+        one = self.beside[cells, side]
+        one = np.where(self.solved[one], one, -1)
+        two = np.where(one < 0, -1, self.beside[one, side])
+        return np.stack([one, np.where(self.solved[two], two, -1)])
+
+    def _judged(self, way: Way, begin: np.ndarray, end: np.ndarray) -> np.ndarray:
+        """Codes (n,): ARRIVED, LIMIT, MIRRORED, REVERSED, FOLD or STUCK."""
+        q = way.q.T
+        largest, sense, faces = self.hops.follower.check.run(
+            np.concatenate([q, self.hops.targets[:, end]])
+        )
+        lower, upper = self.limits
+        beyond = ((q < lower - LIMIT_TOLERANCE) | (q > upper + LIMIT_TOLERANCE)).any(axis=0)
+        found = np.where(beyond, LIMIT, ARRIVED)
+        found[faces < 0.0] = REVERSED
+        found[sense < 0.0] = MIRRORED
+        found[~(largest < CLOSED)] = STUCK
+        ended = np.flatnonzero(way.codes != ARRIVED)
+        if ended.size:
+            folds = self._folds(way, begin[ended], end[ended], ended)
+            found[ended] = np.where(folds, FOLD, STUCK)
+        return found
+
+    def _folds(self, way: Way, begin: np.ndarray, end: np.ndarray, ended: np.ndarray) -> np.ndarray:
+        """Whether ways ``ended`` (e,), from cells to others, ended with a singularity in sight.
+
+        Towards a singularity where the branch ends, the square of the determinant falls linearly,
+        or faster. It is in sight where that line reaches zero within a cell. A way too short to
+        tell is judged together with the way backwards.
+        """
+        away, travel = self.hops.det[begin], way.reached[ended].copy()
+        short = np.flatnonzero(travel < SHORT)
+        if short.size:
+            back = self.hops.backwards(begin[short], end[short])
+            away[short] = back.det
+            travel[short] += back.reached
+        fall = np.square(way.det[ended] / away)
+        return np.asarray(fall * (1.0 + travel) <= 1.0)

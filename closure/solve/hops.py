@@ -1,0 +1,151 @@
+"""Ways between neighbouring cells of a grid: followed together, begun where solved cells point.
+
+A way begins at a solved cell, so nothing need be closed there again. Newton's method at its end
+starts from where the cells behind extrapolate to; where that is refused the way is halved and
+begun from the cell itself, as any other is.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+
+from closedchain.closure.solve.path import (
+    CHUNK,
+    FIRST_STEP,
+    LONGEST,
+    RUNNING,
+    STATE,
+    TICKS,
+    Follower,
+    Way,
+    follower_of,
+)
+from closedchain.closure.solve.problem import POSE, Problem
+
+SMALLEST_STEP = 1e-4
+"""Share of the way to a neighbour, where steps end that no longer lead on."""
+
+_STATUS = STATE.index("status")
+
+
+class Hops:
+    """Cells being solved: numbers in columns, one a cell.
+
+    Attributes
+    ----------
+    problem : Problem
+        With as many kept rows as unknowns.
+    targets : (prescribed, cells) array
+    q : (nq, cells) array
+        Postures of solved cells.
+    det : (cells,) array
+        Determinants there.
+    """
+
+    def __init__(self, problem: Problem, targets: np.ndarray, q: np.ndarray) -> None:
+        """Take ``targets`` (cells, prescribed) and postures ``q`` (cells, nq)."""
+        self.problem = problem
+        self.targets = np.ascontiguousarray(targets.T)
+        self.q = np.ascontiguousarray(q.T)
+        self.det = np.ones(len(q))
+
+    @cached_property
+    def follower(self) -> Follower:
+        """Machine code of the problem."""
+        return follower_of(self.problem)
+
+    def closed(self, cells: np.ndarray) -> np.ndarray:
+        """Close cells (n,) whose postures are given; which ones do, (n,) of bool."""
+        q, targets = (np.ascontiguousarray(x[:, cells].T) for x in (self.q, self.targets))
+        way = self.follower.run(q, targets, targets, SMALLEST_STEP)
+        self.q[:, cells], self.det[cells] = way.q.T, way.det
+        return way.started
+
+    def ways(self, begin: np.ndarray, end: np.ndarray, behind: np.ndarray) -> Way:
+        """Follow the branches of solved cells (n,) to the targets of others (n,).
+
+        ``behind`` (2, n) are the cells before ``begin`` on the same line, nearest first; -1 where
+        there is none to extrapolate from.
+        """
+        q = self.q[:, begin]
+        return self._followed(
+            q,
+            self._ahead(q, behind),
+            self.det[begin],
+            self._laid_out(self.targets[:, begin], self.targets[:, end]),
+        )
+
+    def backwards(self, begin: np.ndarray, end: np.ndarray) -> Way:
+        """Follow ways as long as those from cells to others (n,), in the opposite direction."""
+        one, two = self.targets[:, begin], self.targets[:, end]
+        back = 2.0 * one - two
+        for at in self._turns:  # the other end, mirrored at this one on the sphere
+            back[at] = 2.0 * (one[at] * two[at]).sum(axis=0) * one[at] - two[at]
+        q = self.q[:, begin]
+        return self._followed(q, q, self.det[begin], self._laid_out(one, back))
+
+    def _followed(
+        self, q: np.ndarray, trial: np.ndarray, det: np.ndarray, numbers: np.ndarray
+    ) -> Way:
+        nq, n = q.shape
+        state = np.empty((2 * nq + len(STATE), n))
+        state[:nq], state[nq : 2 * nq] = q, trial
+        rest = dict(zip(STATE, state[2 * nq :], strict=True))
+        state[2 * nq :] = 0.0
+        rest["step"][:], rest["bound"][:], rest["status"][:] = numbers[-2], FIRST_STEP, RUNNING
+        rest["sign"][:], rest["det"][:] = np.copysign(1.0, det), det
+        for a in range(0, n, CHUNK):
+            part, given = state[:, a : a + CHUNK], numbers[:, a : a + CHUNK]
+            while (part[2 * nq + _STATUS] == RUNNING).any():
+                self.follower.loop.run(part, given, TICKS)
+        return Way(
+            q=state[:nq].T,
+            reached=rest["reached"],
+            codes=rest["status"].astype(int),
+            det=rest["det"],
+            evaluations=rest["evaluations"].astype(int),
+            started=np.ones(n, dtype=bool),
+        )
+
+    def _ahead(self, q: np.ndarray, behind: np.ndarray) -> np.ndarray:
+        """Postures (nq, n) that solved cells extrapolate to, through three where they are there."""
+        slope = np.where(behind[0] < 0, 0.0, q - self.q[:, behind[0]])
+        earlier = self.q[:, behind[0]] - self.q[:, behind[1]]
+        ahead = q + slope + np.where(behind[1] < 0, 0.0, slope - earlier)
+        for at in self._floating:
+            x = ahead[at]
+            ahead[at] = x / np.sqrt((x[0] * x[0] + x[1] * x[1]) + (x[2] * x[2] + x[3] * x[3]))
+        return ahead
+
+    @cached_property
+    def _floating(self) -> list[slice]:
+        """Where q holds quaternions."""
+        joints = list(self.problem.mechanism.model.joints)[1:]
+        return [slice(j.idx_q + 3, j.idx_q + 7) for j in joints if j.nq == 7]
+
+    @cached_property
+    def _turns(self) -> list[slice]:
+        """Where targets hold quaternions."""
+        p = len(self.problem.pinned)
+        return [slice(p + POSE * i + 3, p + POSE * (i + 1)) for i in range(len(self.problem.goals))]
+
+    def _laid_out(self, one: np.ndarray, two: np.ndarray) -> np.ndarray:
+        """Parameters (parameters, n) of ways between targets (prescribed, n)."""
+        m, count = self.problem.mechanism, self.problem.prescribed
+        numbers = np.empty((self.follower.parameters, one.shape[1]))
+        begin, end = numbers[:count], numbers[count : 2 * count]
+        begin[:], end[:] = one, two
+        pins = list(self.problem.pinned)
+        units = m.column_scale[pins][:, None]
+        travel = np.abs((end - begin)[: len(pins)] / units).max(axis=0, initial=0.0)
+        for at in self._turns:
+            end[at] *= np.where((begin[at] * end[at]).sum(axis=0) < 0.0, -1.0, 1.0)
+            gap = end - begin
+            place = slice(at.start - 3, at.start)
+            shift, turn = (np.sqrt((gap[x] * gap[x]).sum(axis=0)) for x in (place, at))
+            travel = np.maximum(travel, shift / m.length + 2.0 * turn)
+        numbers[-2] = np.clip(LONGEST / np.maximum(travel, 1e-300), 1e-3, 1.0)
+        numbers[-1] = SMALLEST_STEP * numbers[-2]
+        return numbers
