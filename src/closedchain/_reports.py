@@ -215,6 +215,9 @@ def classification(mechanism: Mechanism, q: np.ndarray, found: Classification, j
             "robot": mechanism.name,
             "inputs": dict(zip(mechanism.inputs, inputs, strict=True)),
             **vars(found),
+            "kinds": sorted(found.kinds),
+            "types": sorted(found.types),
+            "ranks": {k: {"value": r.value, **_gap(r)} for k, r in found.ranks.items()},
             "free_twists": found.free_twists.T,  # one twist an entry
             "lost_twists": found.lost_twists.T,
             "combined": found.combined,
