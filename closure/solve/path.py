@@ -1,56 +1,94 @@
-"""Following branches: postures whose prescribed joints and poses move from one target to another.
+"""Following branches in machine code: prescribed joints and poses move from one target to another.
 
 One step of the method, written on a tape, serves all: it evaluates the rows at the trial posture,
-eliminates, judges the step, and accepts, refuses or goes on. Repeated in machine code until it has
-ended, over one posture or over many at once.
-
-A way of share 1 is cut into sub-steps until Newton's method, started from the last posture,
-contracts fast and the determinant keeps its sign: a step that would land on another branch is
-refused, not taken.
+eliminates, judges the step (``control``), and accepts, refuses or goes on. Repeated in machine code
+until it has ended, over one posture or over many at once.
 """
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
 import pinocchio as pin
 
-from closedchain.closure.solve.outcome import Ending
+from closedchain.closure.solve.control import (
+    FRESH,
+    LONGEST,
+    MOST,
+    RUNNING,
+    SMALLEST,
+    STATE,
+    Judged,
+    control,
+    share,
+)
 from closedchain.closure.solve.problem import POSE, Problem, pose_of
 from closedchain.closure.tape.elimination import Elimination, small_determinant
 from closedchain.closure.tape.expression import Expr, Graph
 from closedchain.closure.tape.machine import Compiled, Looped, compiled, looped
 from closedchain.closure.tape.rows import Kinematics, Rows, kinematics
+from closedchain.closure.tape.vectors import quaternion
 
-CLOSED = 1e-12
-"""Largest row [m or rad] of a posture that counts as closed."""
-
-FIRST_STEP = 0.5  # dimensionless: half the characteristic length, or half a radian
-CONTRACTION = 0.3  # of successive steps: what Newton's method shows well inside its basin
-SETTLED = 1e-7  # a step this small leaves an error at rounding level
-ROUNDING = 1e-9  # below it steps are rounding: a closed posture does not get any better
-PIVOT = 1e-13  # dimensionless: below it the system counts as singular
-ITERATIONS = 12
-LONGEST = 1.0  # of one sub-step, dimensionless: a characteristic length, or a radian
-SMALLEST = 1e-6  # share of the longest sub-step
 CHUNK = 2048  # postures between looks at the keyboard
 TICKS = 400  # steps of Newton's method between looks at the keyboard
 
-STATE = ("reached", "step", "bound", "count", "sign", "status", "det", "evaluations")
-RUNNING = -1.0
-FRESH = np.array([-1.0, 0.0, FIRST_STEP, 0.0, 0.0, RUNNING, 0.0, 0.0])
-"""``STATE`` at the start; the step is set to the longest."""
 
-REFUSED = (Ending.SINGULAR, Ending.OTHER_SIDE, Ending.FAR, Ending.SLOW)
+@dataclass(frozen=True, eq=False)
+class Way:
+    """Where following ended, for n postures: the last good posture of each, and why.
+
+    ``codes`` are of ``Ending``; ``det`` the determinant at the last good posture (1 where the
+    system is not square); ``started`` whether the start closed at all.
+    """
+
+    q: np.ndarray
+    reached: np.ndarray
+    codes: np.ndarray
+    det: np.ndarray
+    evaluations: np.ndarray
+    started: np.ndarray
+
+    def continued(self, where: np.ndarray, on: Way) -> Way:
+        """The same ways, those at indices ``where`` with the rest of them followed."""
+        reached = self.reached[where] + (1.0 - self.reached[where]) * on.reached
+        new = {
+            "q": np.where(on.started[:, None], on.q, self.q[where]),
+            "reached": np.where(on.started, reached, self.reached[where]),
+            "codes": np.where(on.started, on.codes, self.codes[where]),
+            "det": np.where(on.started, on.det, self.det[where]),
+            "evaluations": self.evaluations[where] + on.evaluations,
+        }
+        found = {}
+        for name, values in new.items():
+            whole = getattr(self, name).copy()
+            whole[where] = values
+            found[name] = whole
+        return Way(**found, started=self.started)
+
+
+class Single(NamedTuple):
+    """Where one way ended: as ``Way``, and what ``Follower.check`` tells of the posture."""
+
+    q: np.ndarray
+    reached: float
+    code: int
+    det: float
+    evaluations: int
+    residual: float
+    sense: float
+    facing: float
+    beyond: float
 
 
 @dataclass(frozen=True, eq=False)
 class Follower:
-    """Machine code of one problem: to follow, and to check what was found."""
+    """Machine code of one problem: to follow, to check what was found, to tell where a tip is."""
 
     problem: Problem
 
@@ -58,38 +96,38 @@ class Follower:
 
     @cached_property
     def loop(self) -> Looped:
-        """Steps until the end; state and parameters as ``run`` lays them out."""
+        """Steps until the end. State: good posture, trial, ``STATE``, null space at the good one.
+
+        Parameters: the targets at both ends of the way, then the smallest sub-step.
+        """
         problem, nq = self.problem, self.problem.mechanism.model.nq
-        g = Graph()
-        accepted, trial = g.inputs(0, nq), g.inputs(nq, nq)
-        names = dict(zip(STATE, g.inputs(2 * nq, len(STATE)), strict=True))
-        first = self.states
-        numbers = g.inputs(first, self.parameters)
-        share = _share(names)
-        target = self._target(numbers, share)
+        g, first = Graph(), self.states
+        good, trial = g.inputs(0, nq), g.inputs(nq, nq)
+        old = g.inputs(2 * nq + len(STATE), self.kernel)
+        numbers = g.inputs(first, 2 * problem.prescribed + 1)
+        state = dict(zip(STATE, g.inputs(2 * nq, len(STATE)), strict=True))
+        tried = share(state)
+        target, travel = self._target(numbers, tried)
         q = list(trial)
-        for index, pin_value in zip(problem.pinned_q, target, strict=False):
-            q[int(index)] = pin_value
+        for index, value in zip(problem.pinned_q, target, strict=False):
+            q[int(index)] = value
         k = Kinematics(problem.mechanism, g, q)
         rows = problem.rows(k, target)
-        lu = problem.elimination(g, rows, self._sampled(g, first + self.parameters, nq, first))
+        lu = problem.elimination(g, rows, self._sampled(first + len(numbers)))
         step = lu.shortest([-rows.values[r] for r in problem.kept])
+        turn, basis = self._turned(lu, old, state["reached"] < 0.0)
         size = _length(g, list(step.values()))
-        old = g.inputs(2 * nq + len(STATE), self.kernel)
-        turn, basis = self._turned(lu, old, names["reached"] < 0.0)
-        det = lu.determinant(problem.free)
-        moved = k.moved(q, step)
-        judged = Judged(size, _largest(g, rows, problem.kept), det, turn, lu.least)
-        after, running = control(names, share, judged, numbers[-2], numbers[-1])
-        keep, take, back = after.pop("keep"), after.pop("take"), after.pop("back")
-        state = [take.select(b, a) for a, b in zip(accepted, moved, strict=True)]
-        state += [
-            keep.select(old, back.select(a, new))
-            for old, a, new in zip(trial, accepted, moved, strict=True)
-        ]
-        state += [keep.select(names[n], after[n]) for n in STATE]
-        state += [take.select(b, a) for a, b in zip(old, basis, strict=True)]
-        return looped(g.tape([*state, running], first + self.parameters), first)
+        closed = _largest(g, rows, problem.kept)
+        judged = Judged(size, closed, lu.determinant(problem.free), turn, lu.least)
+        longest = (LONGEST * travel.max(1e-300).recip()).max(1.0 / MOST).min(1.0)
+        after = control(state, tried, judged, longest, numbers[-1])
+        new = k.moved(q, step)
+        out = [after.take.select(b, a) for a, b in zip(good, new, strict=True)]
+        for was, a, b in zip(trial, good, new, strict=True):
+            out.append(after.keep.select(was, after.back.select(a, b)))
+        out += [after.state[name] for name in STATE]
+        out += [after.take.select(b, a) for a, b in zip(old, basis, strict=True)]
+        return looped(g.tape([*out, after.running], first + len(numbers)), first)
 
     @property
     def kernel(self) -> int:
@@ -99,7 +137,7 @@ class Follower:
 
     @property
     def states(self) -> int:
-        """Numbers of the state: both postures, ``STATE``, the null space at the last good one."""
+        """Numbers of the state."""
         return 2 * self.problem.mechanism.model.nq + len(STATE) + self.kernel
 
     def _turned(
@@ -123,65 +161,86 @@ class Follower:
             turned[i] = {j: _inner(g, before, other) for j, other in enumerate(kernel)}
         return small_determinant(g, turned), [x for m in kernel for x in m]
 
-    @property
-    def parameters(self) -> int:
-        """Targets at both ends, then the longest and the smallest step."""
-        return 2 * self.problem.prescribed + 2
+    def _target(self, numbers: Sequence[Expr], tried: Expr) -> tuple[list[Expr], Expr]:
+        """Target at a share of the way, and the length of the whole way, dimensionless.
 
-    def _target(self, numbers: Sequence[Expr], share: Expr) -> list[Expr]:
-        """Target at a share of the way: straight lines, rotations about a fixed axis."""
-        p, count = len(self.problem.pinned), self.problem.prescribed
-        begin, end = numbers[:count], numbers[count : 2 * count]
-        whole = ~(share < 1.0)
-        there = [whole.select(b, a + share * (b - a)) for a, b in zip(begin, end, strict=True)]
-        for i in range(len(self.problem.goals)):
-            at = slice(p + POSE * i + 3, p + POSE * (i + 1))
-            x, y, z, w = there[at]
-            inverse = ((x * x + y * y) + (z * z + w * w)).sqrt().recip()
-            there[at] = [
-                whole.select(b, a * inverse) for a, b in zip(there[at], end[at], strict=True)
-            ]
-        return there
+        Joints and origins move on straight lines, rotations about a fixed axis.
+        """
+        problem, g = self.problem, tried.graph
+        p, m = len(problem.pinned), problem.mechanism
+        begin = list(numbers[: problem.prescribed])
+        end = list(numbers[problem.prescribed : 2 * problem.prescribed])
+        whole = ~(tried < 1.0)
+        travel = g.constant(0.0)
+        for a, b, v in zip(begin, end, problem.pinned, strict=False):
+            travel = travel.max(abs(b - a) * (1.0 / m.column_scale[v]))
+        for i in range(len(problem.goals)):
+            origin = slice(p + POSE * i, p + POSE * i + 3)
+            turn = slice(p + POSE * i + 3, p + POSE * (i + 1))
+            apart = _inner(g, begin[turn], end[turn]) < 0.0
+            end[turn] = [apart.select(-x, x) for x in end[turn]]
+            shift = _length(g, [b - a for a, b in zip(begin[origin], end[origin], strict=True)])
+            chord = _length(g, [b - a for a, b in zip(begin[turn], end[turn], strict=True)])
+            travel = travel.max((1.0 / m.length) * shift + 2.0 * chord)
+        there = [a + tried * (b - a) for a, b in zip(begin, end, strict=True)]
+        for i in range(len(problem.goals)):
+            turn = slice(p + POSE * i + 3, p + POSE * (i + 1))
+            inverse = _length(g, there[turn]).recip()
+            there[turn] = [x * inverse for x in there[turn]]
+        return [whole.select(b, a) for a, b in zip(there, end, strict=True)], travel
 
-    def _sampled(self, g: Graph, inputs: int, nq: int, first: int) -> np.ndarray:
-        """Values (inputs, n) of the tape's inputs at the samples, both ends of the way there."""
-        q = self.problem.regular
-        rng = np.random.default_rng(1)
-        near = [
-            pin.integrate(
-                self.problem.mechanism.model,
-                one,
-                0.02
-                * rng.standard_normal(self.problem.mechanism.model.nv)
-                * self.problem.mechanism.column_scale,
-            )
-            for one in q
-        ]
+    def _sampled(self, inputs: int) -> np.ndarray:
+        """Values (inputs, n) of the tape's inputs at the samples and near them."""
+        problem = self.problem
+        q, rng = problem.regular, np.random.default_rng(1)
+        model, scale = problem.mechanism.model, problem.mechanism.column_scale
+        near = [pin.integrate(model, x, 0.02 * rng.standard_normal(model.nv) * scale) for x in q]
         both = np.concatenate([q, np.array(near)])
+        targets = np.concatenate([problem.targets_at(q)] * 2)
         values = np.zeros((inputs, len(both)))
-        values[:nq] = values[nq : 2 * nq] = both.T
-        targets = np.concatenate([self.problem.targets_at(q)] * 2)
-        values[first:] = self._lay_out(targets, targets, 1.0, SMALLEST).T
+        values[: model.nq] = values[model.nq : 2 * model.nq] = both.T
+        values[self.states :] = _parameters(targets, targets, SMALLEST)
         return values
 
-    # -- checking ----------------------------------------------------------------------------------
+    # -- what a posture is -------------------------------------------------------------------------
 
     @cached_property
     def check(self) -> Compiled:
-        """From q and a target: largest of all rows [m or rad], and what must not be negative."""
-        g = Graph()
-        k = kinematics(self.problem.mechanism, g)
-        nq = self.problem.mechanism.model.nq
-        target = g.inputs(nq, self.problem.prescribed)
-        rows = self.problem.rows(k, target)
-        every = range(len(rows.values))
-        faces = g.constant(1.0)
-        p, length = len(self.problem.pinned), self.problem.mechanism.length
-        for i, (frame, outputs) in enumerate(self.problem.goals):
-            pose = pose_of(target[p + POSE * i : p + POSE * (i + 1)], length)
-            faces = faces.min(k.faces(frame, outputs, pose))
-        outputs_ = [_largest(g, rows, every), k.least_sense, faces]
-        return compiled(g.tape(outputs_, nq + self.problem.prescribed))
+        """From q and a target: the largest of all rows [m or rad], and what must not be negative.
+
+        Those are the least cosine of joint axes that must not be opposed, that of the direction of
+        a tip with two rotations prescribed, and how far the joints are within their limits
+        [m or rad].
+        """
+        problem, nq = self.problem, self.problem.mechanism.model.nq
+        k = kinematics(problem.mechanism)
+        g = k.graph
+        target = g.inputs(nq, problem.prescribed)
+        rows = problem.rows(k, target)
+        facing, p = g.constant(1.0), len(problem.pinned)
+        for i, (frame, outputs) in enumerate(problem.goals):
+            pose = pose_of(target[p + POSE * i : p + POSE * (i + 1)], problem.mechanism.length)
+            facing = facing.min(k.faces(frame, outputs, pose))
+        within = g.constant(1.0)
+        for i, (lower, upper) in enumerate(zip(*problem.mechanism.limits, strict=True)):
+            if np.isfinite(lower):
+                within = within.min(k.q[i] - float(lower))
+            if np.isfinite(upper):
+                within = within.min(float(upper) - k.q[i])
+        largest = _largest(g, rows, range(len(rows.values)))
+        outputs_ = [largest, k.least_sense, facing, within]
+        return compiled(g.tape(outputs_, nq + problem.prescribed))
+
+    @cached_property
+    def place(self) -> Compiled:
+        """From q to the target that it meets: values of pinned joints, poses of frames."""
+        problem = self.problem
+        k = kinematics(problem.mechanism)
+        found = [k.q[int(i)] for i in problem.pinned_q]
+        for frame, _ in problem.goals:
+            (turned, origin), _ = k.named(frame)
+            found += [problem.mechanism.length * x for x in origin] + quaternion(turned)
+        return compiled(k.graph.tape(found, problem.mechanism.model.nq))
 
     # -- running -----------------------------------------------------------------------------------
 
@@ -191,25 +250,21 @@ class Follower:
         begin: np.ndarray,
         end: np.ndarray,
         smallest: float = SMALLEST,
-        branch: np.ndarray | None = None,
     ) -> Way:
         """Follow the branches of postures (n, nq) from targets to targets (n, prescribed).
 
-        A posture need not meet its first target to the last digit: it is closed there first, on
-        its own side of the singular set unless ``branch`` (n,) says which sign is wanted.
+        A posture need not meet its first target to the last digit: it is closed there first.
         """
         nq, n = q.shape[1], len(q)
         state = np.zeros((self.states, n))
         state[:nq] = state[nq : 2 * nq] = q.T
-        numbers = np.ascontiguousarray(self._lay_out(begin, end, None, smallest).T)
         state[2 * nq : 2 * nq + len(STATE)] = FRESH[:, None]
-        state[2 * nq + 1] = numbers[-2]
-        if branch is not None:
-            state[2 * nq + 4] = branch
+        numbers = _parameters(begin, end, smallest)
+        status = 2 * nq + STATE.index("status")
         for a in range(0, n, CHUNK):
             part, given = state[:, a : a + CHUNK], numbers[:, a : a + CHUNK]
             self.loop.run(part, given, TICKS)
-            while (part[2 * nq + 5] == RUNNING).any():
+            while (part[status] == RUNNING).any():
                 self.loop.run(part, given, TICKS)
         rest = dict(zip(STATE, state[2 * nq :], strict=False))
         return Way(
@@ -221,104 +276,84 @@ class Follower:
             started=rest["reached"] >= 0.0,
         )
 
-    def _lay_out(
-        self, begin: np.ndarray, end: np.ndarray, longest: float | None, smallest: float
-    ) -> np.ndarray:
-        """Parameters (n, parameters) of ways between targets, quaternions on one side."""
-        p, m = len(self.problem.pinned), self.problem.mechanism
-        end = end.copy()
-        units = m.column_scale[list(self.problem.pinned)]
-        travel = np.abs((end[:, :p] - begin[:, :p]) / units).max(axis=1, initial=0.0)
-        for i in range(len(self.problem.goals)):
-            one, two = (x[:, p + POSE * i : p + POSE * (i + 1)] for x in (begin, end))
-            two[(one[:, 3:] * two[:, 3:]).sum(axis=1) < 0.0, 3:] *= -1.0
-            gap = two - one
-            shift = np.sqrt((gap[:, :3] ** 2).sum(axis=1)) / m.length
-            turn = 2.0 * np.sqrt((gap[:, 3:] ** 2).sum(axis=1))
-            travel = np.maximum(travel, shift + turn)
-        bound = np.full(len(begin), longest or 1.0)
-        if longest is None:
-            bound = np.clip(LONGEST / np.maximum(travel, 1e-300), 1e-3, 1.0)
-        return np.column_stack([begin, end, bound, smallest * bound])
+    def alone(self, q: np.ndarray, begin: np.ndarray | None, end: np.ndarray) -> Single:
+        """The same for one posture (nq,), checked; from where it is where ``begin`` is None."""
+        s = self._scratch
+        nq, size = q.size, end.size
+        if begin is None:
+            s.into[:nq] = q
+            self.place.call(s.at_into, s.at_parameters, 1, 1, 1)
+        else:
+            s.parameters[:size] = begin
+        s.parameters[size : 2 * size] = end
+        s.state[:nq] = s.state[nq : 2 * nq] = q
+        s.state[2 * nq :] = s.fresh
+        status = 2 * nq + STATE.index("status")
+        while True:
+            self.loop.call(s.at_state, s.at_parameters, 1, 1, 1, TICKS)
+            if s.state[status] != RUNNING:
+                break
+        s.into[:nq] = s.state[:nq]
+        s.into[nq:] = end
+        self.check.call(s.at_into, s.at_out, 1, 1, 1)
+        reached, _, _, _, _, code, det, count = s.state[2 * nq : 2 * nq + len(STATE)].tolist()
+        return Single(s.state[:nq].copy(), reached, int(code), det, int(count), *s.out.tolist())
+
+    @property
+    def _scratch(self) -> Scratch:
+        local = self._local
+        try:
+            found: Scratch = local.scratch
+        except AttributeError:
+            found = local.scratch = Scratch.of(self)
+        return found
+
+    @cached_property
+    def _local(self) -> threading.local:
+        return threading.local()
 
 
-@dataclass(frozen=True, eq=False)
-class Way:
-    """Where following ended, for n postures: the last good posture of each, and why.
+class Scratch(NamedTuple):
+    """Memory of a thread for single postures, overwritten by every call, and its addresses."""
 
-    ``codes`` are of ``Ending``; ``det`` the determinant at the last good posture (1 where the
-    system is not square); ``started`` whether the start closed at all.
-    """
+    state: np.ndarray
+    fresh: np.ndarray
+    parameters: np.ndarray
+    into: np.ndarray
+    out: np.ndarray
+    at_state: int
+    at_parameters: int
+    at_into: int
+    at_out: int
 
-    q: np.ndarray
-    reached: np.ndarray
-    codes: np.ndarray
-    det: np.ndarray
-    evaluations: np.ndarray
-    started: np.ndarray
-
-
-@dataclass(frozen=True, eq=False)
-class Judged:
-    """What one step of Newton's method tells.
-
-    Its length, the largest row, the determinant of the pivot columns, how the null space turned
-    (see ``Follower``), and the smallest pivot.
-    """
-
-    size: Expr
-    closed: Expr
-    det: Expr
-    turn: Expr
-    least: Expr
+    @classmethod
+    def of(cls, follower: Follower) -> Scratch:
+        """Memory for a follower."""
+        problem, nq = follower.problem, follower.problem.mechanism.model.nq
+        state, parameters = np.zeros(follower.states), np.zeros(2 * problem.prescribed + 1)
+        parameters[-1] = SMALLEST
+        fresh = np.concatenate([FRESH, np.zeros(follower.kernel)])
+        into, out = np.zeros(nq + problem.prescribed), np.zeros(4)
+        places = (int(a.ctypes.data) for a in (state, parameters, into, out))
+        return cls(state, fresh, parameters, into, out, *places)
 
 
-def control(
-    names: dict[str, Expr], share: Expr, judged: Judged, longest: Expr, smallest: Expr
-) -> tuple[dict[str, Expr], Expr]:
-    """Rules of following: the state after a step, and whether to go on.
-
-    Beside the state come the truth values ``take`` (accept the posture that the step leads to),
-    ``back`` (try again from the last good one) and ``keep`` (ended before).
-    """
-    running = names["status"] < 0.0
-    opening = names["reached"] < 0.0
-    singular = ~(judged.least > PIVOT)
-    wrong = judged.det * judged.turn * names["sign"] < 0.0
-    late = ~(names["count"] < float(ITERATIONS))
-    rounding = (judged.size < ROUNDING) & (judged.closed < CLOSED)
-    short = (judged.size < names["bound"]) | rounding
-    refuse = singular | wrong | ~short | late
-    settled = (judged.size < SETTLED) | rounding
-    take, back = running & settled & ~refuse, running & refuse
-    done = take & ~(share < 1.0)
-    half = 0.5 * names["step"]
-    failed = back & ((half < smallest) | opening)
-    codes = [float(e.code) for e in REFUSED]
-    why = singular.select(codes[0], wrong.select(codes[1], late.select(codes[3], codes[2])))
-    restarted = take | back
-    side = (judged.det < 0.0).select(-1.0, 1.0)
-    doubled = (2.0 * names["step"]).min(longest)
-    after = {
-        "reached": take.select(share, names["reached"]),
-        "step": take.select(opening.select(longest, doubled), back.select(half, names["step"])),
-        "bound": restarted.select(FIRST_STEP, (CONTRACTION * judged.size).max(1e-14)),
-        "count": restarted.select(0.0, names["count"] + 1.0),
-        "sign": take.select(side, names["sign"]),
-        "status": done.select(float(Ending.ARRIVED.code), failed.select(why, RUNNING)),
-        "det": take.select(judged.det, names["det"]),
-        "evaluations": names["evaluations"] + 1.0,
-        "keep": ~running,
-        "take": take,
-        "back": back,
-    }
-    return after, running & (after["status"] < 0.0)
+_FOLLOWERS: WeakKeyDictionary[Problem, Follower] = WeakKeyDictionary()
 
 
-def _share(names: dict[str, Expr]) -> Expr:
-    """Share of the way that is tried: 0 until the start is closed."""
-    ahead = (names["reached"] + names["step"]).min(1.0)
-    return (names["reached"] < 0.0).select(0.0, ahead)
+def follower_of(problem: Problem) -> Follower:
+    """Machine code of a problem, made once."""
+    if problem not in _FOLLOWERS:
+        _FOLLOWERS.setdefault(problem, Follower(problem))
+    return _FOLLOWERS[problem]
+
+
+def _parameters(begin: np.ndarray, end: np.ndarray, smallest: float) -> np.ndarray:
+    """Parameters (parameters, n) of ways between targets (n, prescribed)."""
+    size = begin.shape[1]
+    numbers = np.empty((2 * size + 1, len(begin)))
+    numbers[:size], numbers[size:-1], numbers[-1] = begin.T, end.T, smallest
+    return numbers
 
 
 def _inner(g: Graph, a: Sequence[Expr], b: Sequence[Expr]) -> Expr:
@@ -329,10 +364,7 @@ def _inner(g: Graph, a: Sequence[Expr], b: Sequence[Expr]) -> Expr:
 
 
 def _length(g: Graph, values: Sequence[Expr]) -> Expr:
-    found = g.constant(0.0)
-    for value in values:
-        found = found + value * value
-    return found.sqrt()
+    return _inner(g, values, values).sqrt()
 
 
 def _largest(g: Graph, rows: Rows, which: Sequence[int]) -> Expr:
@@ -341,13 +373,3 @@ def _largest(g: Graph, rows: Rows, which: Sequence[int]) -> Expr:
     for r in which:
         found = found.max(rows.units[r] * abs(rows.values[r]))
     return found
-
-
-_FOLLOWERS: WeakKeyDictionary[Problem, Follower] = WeakKeyDictionary()
-
-
-def follower_of(problem: Problem) -> Follower:
-    """Machine code of a problem, made once."""
-    if problem not in _FOLLOWERS:
-        _FOLLOWERS[problem] = Follower(problem)
-    return _FOLLOWERS[problem]

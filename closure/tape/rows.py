@@ -19,8 +19,8 @@ from functools import cached_property
 import numpy as np
 import pinocchio as pin
 
-from closedchain.closure.joint_kinds import JOINT_KINDS
 from closedchain.closure.closures import Closure, Coupling
+from closedchain.closure.joint_kinds import JOINT_KINDS
 from closedchain.closure.mechanism import Mechanism
 from closedchain.closure.tape.expression import Expr, Graph, Number
 from closedchain.closure.tape.vectors import (
@@ -309,7 +309,7 @@ class Kinematics:
         )
 
     def faces(self, frame: str, outputs: Sequence[int], target: Pose) -> Expr:
-        """Cosine that is negative where a goal of two rotations is met by the opposite direction."""
+        """Cosine that is negative where a goal of two rotations is met the other way round."""
         angular = {k - 3 for k in outputs if k >= 3}
         if len(angular) != 2:
             return self.graph.constant(1.0)

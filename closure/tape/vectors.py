@@ -83,3 +83,26 @@ def rotation(quaternion: Sequence[Scalar]) -> list[list[Scalar]]:
         [x * y2 + w * z2, 1.0 - (x * x2 + z * z2), y * z2 - w * x2],
         [x * z2 - w * y2, y * z2 + w * x2, 1.0 - (x * x2 + y * y2)],
     ]
+
+
+def quaternion(r: Matrix) -> list[Scalar]:
+    """Unit quaternion x y z w of a rotation, over numbers with ``select`` and ``sqrt``.
+
+    Of four formulas that which divides by the largest number [Shepperd 1978].
+    """
+    (a, b, c), (d, e, f), (g, h, k) = r
+    sizes = [1.0 + a - e - k, 1.0 + e - a - k, 1.0 + k - a - e, 1.0 + a + e + k]
+    x, y, z, w = h - f, c - g, d - b, sizes[3]
+    found = [x, y, z, w]
+    largest = sizes[3]
+    choices = (
+        [sizes[0], b + d, c + g, x],
+        [b + d, sizes[1], f + h, y],
+        [c + g, f + h, sizes[2], z],
+    )
+    for size, choice in zip(sizes, choices, strict=False):
+        larger = size > largest
+        largest = larger.select(size, largest)
+        found = [larger.select(new, old) for new, old in zip(choice, found, strict=True)]
+    inverse = (2.0 * largest.sqrt()).recip()
+    return [inverse * n for n in found]
