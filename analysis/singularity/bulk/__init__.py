@@ -1,0 +1,1 @@
+"""The measures of many postures in machine code: ``bulk_measures``."""
