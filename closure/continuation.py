@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from closedchain.closure.equations import Corrected, Equations, correct
+from closedchain.closure.solve.factors import Factors, Range
 
 SMALLEST_STEP = 1e-6
 
@@ -30,12 +31,18 @@ class Followed:
 
 
 def follow(
-    at: At, start: Corrected, smallest: float = SMALLEST_STEP, longest: float = 1.0
+    at: At,
+    start: Corrected,
+    smallest: float = SMALLEST_STEP,
+    longest: float = 1.0,
+    *,
+    careful: bool = False,
 ) -> Followed:
     """Follow the branch of ``start`` (parameter 0) as far as steps of ``smallest`` lead.
 
     ``longest`` keeps a step from leaping to where the equations look the same again, such as a
-    full turn further; ``smallest`` is a share of it.
+    full turn further; ``smallest`` is a share of it. ``careful`` refuses steps over which a square
+    Jacobian changes so much that it may be singular in between.
     """
     reached, last, step = 0.0, start, longest
     evaluations, refusal = start.evaluations, None
@@ -44,9 +51,15 @@ def follow(
         equations, q = at(last.q, to)
         trial = correct(equations, q, start.branch, last.factors)
         evaluations += trial.evaluations
-        if trial.refusal is None:
+        far = careful and _far(last.factors, trial.factors)
+        if trial.refusal is None and not far:
             reached, last, step, refusal = to, trial, min(longest, 2.0 * step), None
         else:
             step *= 0.5
-            refusal = trial.refusal
+            refusal = trial.refusal or "far"
     return Followed(reached, last, evaluations, refusal)
+
+
+def _far(one: Factors | Range | None, two: Factors | Range | None) -> bool:
+    """Whether a singular matrix may lie between two square ones; ``correct`` asks for others."""
+    return isinstance(one, Factors) and isinstance(two, Factors) and one.left_by(two)

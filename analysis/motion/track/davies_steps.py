@@ -14,9 +14,10 @@ import numpy as np
 import pinocchio as pin
 
 from closedchain.analysis.motion.track.demands import Demand
-from closedchain.analysis.motion.track.predictor_corrector import State, Stuck
 from closedchain.analysis.motion.track.routes import Prescribed, Route
+from closedchain.analysis.motion.track.states import State, Stuck
 from closedchain.closure.solve.factors import Range
+from closedchain.closure.solve.outcome import Ending
 
 LOST = 1e3
 """Dimensionless error at which an integration counts as lost."""
@@ -39,10 +40,10 @@ def integrate(
             moved = _newton(demand, moved, after)
         new = _state(demand, route, moved, piece + 1, gain)
         if new is None:
-            yield Stuck(here, piece, "singular")
+            yield Stuck(here.q, here.u, piece, Ending.SINGULAR)
             return
         if not np.abs(new.linear.values).max(initial=0.0) < LOST:
-            yield Stuck(here, piece, "lost")
+            yield Stuck(here.q, here.u, piece, Ending.LOST)
             return
         here = new
         yield here

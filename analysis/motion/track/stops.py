@@ -8,11 +8,12 @@ import numpy as np
 import pinocchio as pin
 
 from closedchain.analysis.motion.track.demands import Demand, TipDemand
-from closedchain.analysis.motion.track.predictor_corrector import Stuck
 from closedchain.analysis.motion.track.routes import Route
+from closedchain.analysis.motion.track.states import Stuck
 from closedchain.analysis.singularity.classify import classify
 from closedchain.closure.mechanism import Mechanism
 from closedchain.closure.ranks import RANK_TOLERANCE
+from closedchain.closure.solve.outcome import Ending
 
 _ITERATIONS = 20
 _STEP = 1e-6  # of central differences of the singular value
@@ -39,6 +40,9 @@ class Stop:
         The last good posture.
     parameter : float
         Path parameter of ``q``.
+    ending : Ending
+        The same in a word: FOLD at a singularity, STUCK at no singularity, CONTRADICTION, LOST;
+        UNREACHED or SINGULAR_START at the first sample.
     """
 
     where: float
@@ -46,28 +50,28 @@ class Stop:
     message: str
     q: np.ndarray
     parameter: float
+    ending: Ending
 
     def __post_init__(self) -> None:
         """Write-protect the posture."""
         self.q.setflags(write=False)
 
 
-def stop(demand: Demand, route: Route, stuck: Stuck) -> Stop:
+def stop(demand: Demand, route: Route, here: Stuck) -> Stop:
     """Report of a place that following does not pass."""
-    here = stuck.state
     name = "t" if route.timed else "sample"
-    if stuck.refusal == "lost":
+    if here.ending is Ending.LOST:
         message = f"the integration is lost after {name} = {here.u:.6g}: its errors grow"
-        return Stop(here.u, frozenset(), message, here.q, here.u)
-    miss = _contradiction(demand, route, stuck)
+        return Stop(here.u, frozenset(), message, here.q, here.u, Ending.LOST)
+    miss = _contradiction(demand, route, here)
     if miss > _CONTRADICTS:
         message = (
             f"the path contradicts the loops after {name} = {here.u:.6g}, at a rate of {miss:.3g}: "
             "with more demands than freedoms only some combinations are possible"
         )
-        return Stop(here.u, frozenset(), message, here.q, here.u)
+        return Stop(here.u, frozenset(), message, here.q, here.u, Ending.CONTRADICTION)
     outputs = demand.outputs if isinstance(demand, TipDemand) else None
-    found = _locate(demand, route, stuck)
+    found = _locate(demand, route, here)
     q, where, tolerance = (here.q, here.u, _SHOWN_NEAR) if found is None else (*found, _SHOWN)
     kinds = kinds_at(demand.mechanism, q, outputs, tolerance)
     what = "a place without a way on"
@@ -80,13 +84,14 @@ def stop(demand: Demand, route: Route, stuck: Stuck) -> Stop:
         at += ", " + ", ".join(
             f"{n}={x:.6g}" for n, x in zip(demand.mechanism.inputs, values, strict=True)
         )
-    return Stop(where, kinds, f"the path meets {what} {at}", here.q, here.u)
+    ending = Ending.FOLD if kinds else Ending.STUCK
+    return Stop(where, kinds, f"the path meets {what} {at}", here.q, here.u, ending)
 
 
-def _contradiction(demand: Demand, route: Route, stuck: Stuck) -> float:
+def _contradiction(demand: Demand, route: Route, here: Stuck) -> float:
     """Share of the demanded rates that no motion of the joints can meet."""
-    p = route.between(stuck.piece, stuck.state.u)
-    linear = demand.linearise(stuck.state.q, p)
+    p = route.between(here.piece, here.u)
+    linear = demand.linearise(here.q, p)
     met = linear.matrix @ np.linalg.lstsq(linear.matrix, linear.rhs, rcond=RANK_TOLERANCE)[0]
     size = float(np.abs(linear.rhs).max(initial=0.0))
     return float(np.abs(met - linear.rhs).max(initial=0.0)) / size if size > 0.0 else 0.0
@@ -101,14 +106,13 @@ def kinds_at(
     return classify(mechanism, q, outputs, tolerance=tolerance).kinds
 
 
-def _locate(demand: Demand, route: Route, stuck: Stuck) -> tuple[np.ndarray, float] | None:
+def _locate(demand: Demand, route: Route, here: Stuck) -> tuple[np.ndarray, float] | None:
     """Posture and parameter of the singularity, by Newton's method in both; None where it fails.
 
     Equations: those of the path, and sigma = u^T A v of the matrix A that loses rank. At a fold the
     posture runs with the root of the distance along the path, so both are unknowns alike.
     """
-    piece, here = stuck.piece, stuck.state
-    m = demand.mechanism
+    piece, m = here.piece, demand.mechanism
     whole = float(route.knots[piece + 1] - route.knots[piece])
     q, u = here.q, here.u
     for _ in range(_ITERATIONS):

@@ -12,20 +12,16 @@ from numpy.typing import ArrayLike
 
 from closedchain.analysis.motion.track.davies_steps import integrate
 from closedchain.analysis.motion.track.demands import Demand, InputDemand, TipDemand
-from closedchain.analysis.motion.track.predictor_corrector import (
-    State,
-    Stuck,
-    factorise,
-    follow,
-    state,
-)
 from closedchain.analysis.motion.track.routes import Path, Rates, Route, route
+from closedchain.analysis.motion.track.states import State, Stuck, state, states
 from closedchain.analysis.motion.track.stops import Stop, kinds_at, stop
 from closedchain.analysis.progress import reporting
 from closedchain.analysis.singularity.maps.grid import Progress
 from closedchain.closure.mechanism import Mechanism
 from closedchain.closure.nearest import beyond_limits
 from closedchain.closure.position import direct, inverse
+from closedchain.closure.solve.factors import factorise
+from closedchain.closure.solve.outcome import Ending
 from closedchain.urdf.errors import ClosureError, known_names
 
 METHODS = ("predictor-corrector", "davies")
@@ -256,7 +252,7 @@ def _begin(job: _Job, i: int, guess: ArrayLike) -> np.ndarray | Stop:
         return np.array(found.q)
     u = float(job.route.knots[i])
     message = f"sample {i} is not reached from the start: {found.message}"
-    return Stop(u, frozenset(), message, m.configuration(guess), u)
+    return Stop(u, frozenset(), message, m.configuration(guess), u, Ending.UNREACHED)
 
 
 def _run(
@@ -267,34 +263,34 @@ def _run(
     last = way.size - 1
     if until is not None:
         last = max(first, int(np.searchsorted(way.knots, until, side="right")) - 1)
-    states: list[State] = []
+    found: list[State] = []
     end: Stop | None = None
     branch = factorise(job.demand.linearise(q, way.between(first, _knot(way, first))).matrix).sign
     with reporting(progress) as report:
-        for found in _states(job, first, q, branch):
-            if isinstance(found, Stuck):
-                end = stop(job.demand, way, found)
+        for step in _steps(job, first, q, branch):
+            if isinstance(step, Stuck):
+                end = stop(job.demand, way, step)
                 break
-            states.append(found)
+            found.append(step)
             if report is not None:
-                report("track", first + len(states), way.size)
-            if first + len(states) > last:
+                report("track", first + len(found), way.size)
+            if first + len(found) > last:
                 break
-    if not states:
+    if not found:
         u = _knot(way, first)
         outputs = job.demand.outputs if isinstance(job.demand, TipDemand) else None
         kinds = kinds_at(job.demand.mechanism, q, outputs, _AT_START)
         what = " and ".join(sorted(kinds)) or "unclassified"
         message = f"the posture at sample {first} is singular already ({what})"
-        end = Stop(u, kinds, message, q, u)
-    return _collected(job, first, states, end, branch)
+        end = Stop(u, kinds, message, q, u, Ending.SINGULAR_START)
+    return _collected(job, first, found, end, branch)
 
 
 def _knot(way: Route, i: int) -> float:
     return float(way.knots[i])
 
 
-def _states(job: _Job, first: int, q: np.ndarray, branch: int | None) -> Iterator[State | Stuck]:
+def _steps(job: _Job, first: int, q: np.ndarray, branch: int | None) -> Iterator[State | Stuck]:
     demand, way = job.demand, job.route
     if job.method == "davies":
         yield from integrate(demand, way, q, first, job.gain, job.inner)
@@ -304,7 +300,7 @@ def _states(job: _Job, first: int, q: np.ndarray, branch: int | None) -> Iterato
     if start is None:
         return
     yield start
-    yield from follow(demand, way, start, first, branch)
+    yield from states(demand, way, start, first, branch)
 
 
 def _collected(
