@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from closedchain.closure.generic import GenericRanks, generic_ranks
 from closedchain.closure.mechanism import Mechanism
+from closedchain.urdf.description import OUTPUTS
 
 
 def driving(mechanism: Mechanism, outputs: tuple[str, ...] | None = None) -> tuple[str, ...]:
@@ -36,10 +37,13 @@ def driving(mechanism: Mechanism, outputs: tuple[str, ...] | None = None) -> tup
             f"{_moves(generic.undriven)} the outputs with all of them locked, in every posture."
         )
     if generic.idle:
+        seen = generic_ranks(mechanism, OUTPUTS).together.value - moving
         found.append(
             f"{_counted(generic.idle).capitalize()} of {generic.motions} {_is(generic.idle)} idle: "
             f"{'it moves' if generic.idle == 1 else 'they move'} neither inputs nor outputs, as "
             "the spin of a rod between two ball joints, and no posture is singular for it."
+            + f" {seen} of {generic.idle} {_moves(seen)} the tip, in ways that are no outputs."
+            * (seen > 0)
         )
     return tuple(found)
 
