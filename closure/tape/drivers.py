@@ -71,6 +71,7 @@ direct:
         + blocks("apart", lanes, places, inner)
         + released(sizes, lanes)
         + "\n}"
+        + packed("run", 5)
         + copies(lanes)
     )
 
@@ -102,8 +103,28 @@ def loop(memory: Memory, lanes: int) -> str:
         + blocks("apart", lanes, places, inner)
         + released(sizes, lanes)
         + "\n}"
+        + packed("loop", 6)
         + copies(lanes)
     )
+
+
+def packed(name: str, count: int) -> str:
+    """Text of ``name_packed(a)``: the function with its arguments at an address."""
+    reads = "".join(
+        f"""
+  %p{k} = getelementptr i64, ptr %a, i64 {k}
+  %a{k} = load i64, ptr %p{k}, align 8"""
+        for k in range(count)
+    )
+    given = ", ".join(["ptr %x", "ptr %y", *(f"i64 %a{k}" for k in range(2, count))])
+    return f"""
+define void @{name}_packed(ptr %a) nounwind {{
+entry:{reads}
+  %x = inttoptr i64 %a0 to ptr
+  %y = inttoptr i64 %a1 to ptr
+  call void @{name}({given})
+  ret void
+}}"""
 
 
 def ticking(states: int, parameters: int, lanes: int) -> str:

@@ -72,10 +72,8 @@ def lowered(tape: Tape, length: int) -> Program:
         Where a truth value meets arithmetic, or a number stands for a truth value.
     """
     truths = truth_values(tape)
-    nodes, gone = fused(tape)
-    order = [
-        i for i, node in enumerate(nodes) if node[0] not in ("const", "input") and i not in gone
-    ]
+    nodes = fused(tape)
+    order = depth_first(nodes, tape.outputs)
     chunks = [order[k : k + length] for k in range(0, len(order), length)] or [[]]
     pieces, rows = passing(nodes, chunks)
     return Program(tuple(nodes), tuple(truths), tape.outputs, tape.inputs, pieces, rows)
@@ -100,10 +98,10 @@ def truth_values(tape: Tape) -> list[bool]:
     return truths
 
 
-def fused(tape: Tape) -> tuple[list[Node], set[int]]:
-    """Put products that are used once into the sum that uses them; the nodes, and those gone.
+def fused(tape: Tape) -> list[Node]:
+    """Put products that are used once into the sum that uses them; they stay as unused nodes.
 
-    Of two such products in one sum the later stays inside: it is ready last.
+    Of two such products in one sum the later is put inside: it is ready last.
     """
     uses = [0] * len(tape.nodes)
     for node in tape.nodes:
@@ -112,16 +110,36 @@ def fused(tape: Tape) -> tuple[list[Node], set[int]]:
     for k in tape.outputs:
         uses[k] += 1
     nodes = list(tape.nodes)
-    gone: set[int] = set()
     for i, node in enumerate(tape.nodes):
         if node[0] not in ("add", "sub"):
             continue
         products = [k for k in node[1:] if nodes[k][0] == "mul" and uses[k] == 1]
         if products:
             product = max(products)
-            gone.add(product)
             nodes[i] = multiply_add(node, product, nodes[product])
-    return nodes, gone
+    return nodes
+
+
+def depth_first(nodes: Sequence[Node], outputs: Sequence[int]) -> list[int]:
+    """Operations needed for the outputs, each just before its first use: few values wait at a time.
+
+    Machine code in this order keeps more of them in registers than in the order of writing.
+    """
+    order: list[int] = []
+    seen: set[int] = set()
+    for output in outputs:
+        stack = [output]
+        while stack:
+            i = stack[-1]
+            waiting = [k for k in reversed(arguments(nodes[i])) if k not in seen]
+            if i in seen or not waiting:
+                stack.pop()
+                if i not in seen and nodes[i][0] not in ("const", "input"):
+                    order.append(i)
+                seen.add(i)
+            else:
+                stack += waiting
+    return order
 
 
 def multiply_add(node: Node, product: int, factors: Node) -> Node:

@@ -1,89 +1,134 @@
-"""Tapes as machine code over blocks of postures.
+"""Tapes that run over blocks of postures as machine code.
 
-``compiled`` makes code for a tape as it is, ``looped`` code that repeats a tape until it says that
-it is done. Both work on structures of arrays: row k holds number k of every posture.
+``compiled`` runs a tape as it is, ``looped`` repeats it until it says that it is done. Both work on
+structures of arrays: row k holds number k of every posture. The same inputs give the same bits
+wherever they stand in a batch, and alone.
 """
 
 from __future__ import annotations
 
+import ctypes
+import functools
+import hashlib
+import pkgutil
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from closedchain.closure.tape import drivers, native
+from closedchain.closure.tape import cache, drivers, interpreter, native
 from closedchain.closure.tape.codegen import body
 from closedchain.closure.tape.expression import Tape
-from closedchain.closure.tape.lowering import Program, lowered
+from closedchain.closure.tape.layout import Array, in_place, matching, step
+from closedchain.closure.tape.lowering import lowered, truth_values
 
-Array = NDArray[np.float64]
+PIECE = 4000
+"""Operations of one function of machine code; longer tapes become several."""
 
-PIECE = 2000
-"""Operations of a function; LLVM's time for a longer one grows faster than its length."""
+LIMIT = 100_000
+"""Operations beyond which compiling would take most of a minute, and numpy runs the tape."""
+
+
+@dataclass(frozen=True)
+class Kernel:
+    """What runs a tape on raw addresses. Threads may share it; Python's lock is free meanwhile.
+
+    Attributes
+    ----------
+    call : callable
+        On integers: addresses, counts and steps as ``Compiled`` and ``Looped`` say. Nothing is
+        checked.
+    lanes : int
+        Postures that one operation works on; 1 where numpy runs the tape.
+    machine_code : bool
+        Whether it is machine code; tapes of more than ``LIMIT`` operations are run by numpy.
+    packed : object
+        Machine code that takes the address of its arguments instead.
+    code : object
+        Keeps the machine code in memory.
+    """
+
+    call: Callable[..., None] = field(repr=False)
+    lanes: int
+    machine_code: bool
+    packed: Callable[..., None] | None = field(repr=False, default=None)
+    code: object = field(repr=False, default=None)
+
+    def bound(self, arguments: list[int], kept: object) -> Callable[[], None]:
+        """Fix the arguments: calls then cost next to nothing. ``kept`` lives as long."""
+        if self.packed is None:
+            fixed: Any = functools.partial(self.call, *arguments)
+        else:
+            given = np.array(arguments, dtype=np.int64)
+            fixed = functools.partial(self.packed, ctypes.c_void_p(given.ctypes.data))
+            kept = (kept, given, self)
+        fixed.kept = kept
+        return fixed
 
 
 @dataclass(frozen=True)
 class Compiled:
-    """A tape that runs on this machine. Threads may share it.
+    """A tape on this machine.
 
     Attributes
     ----------
     inputs, outputs : int
         How many numbers go in and come out.
-    lanes : int
-        Postures that one operation works on.
-    call : callable
-        ``call(x, y, n, step_x, step_y)`` on raw addresses: row k of the inputs is at
-        ``x + 8 k step_x``, row k of the outputs at ``y + 8 k step_y``, each of n numbers. The
-        outputs must not overlap the inputs. Nothing is checked.
+    kernel : Kernel
+        Its ``call(x, y, n, step_x, step_y)`` reads row k of the inputs at ``x + 8 k step_x`` and
+        writes row k of the outputs at ``y + 8 k step_y``, each of n numbers. The outputs must not
+        overlap the inputs.
     """
 
     inputs: int
     outputs: int
-    lanes: int
-    call: Callable[[int, int, int, int, int], None] = field(repr=False)
-    code: native.Loaded = field(repr=False)
+    kernel: Kernel
 
     def run(self, x: Array) -> Array:
-        """Outputs (outputs, n) for inputs (inputs, n)."""
-        x = np.asarray(x, dtype=np.float64)
-        out = np.empty((self.outputs, x.shape[1] if x.ndim == 2 else 0))
+        """Outputs (outputs, n) for inputs (inputs, n); truth values come out as 1 and 0."""
+        x = matching(x, self.inputs, "x")
+        out = np.empty((self.outputs, x.shape[1]))
         self.run_into(x, out)
         return out
 
     def run_into(self, x: Array, out: Array) -> None:
         """Write the outputs for ``x`` (inputs, n) into ``out`` (outputs, n), which is separate.
 
-        Columns of larger arrays will do; rows must be contiguous.
+        Columns of larger arrays will do; the rows of ``out`` must be contiguous.
         """
-        x, n = matching(x, self.inputs, "x"), out.shape[-1]
-        if x.shape[1] != n:
-            raise ValueError(f"x holds {x.shape[1]} postures and out {n}")
+        self.kernel.call(*self.arguments(matching(x, self.inputs, "x"), out))
+
+    def bound(self, x: Array, out: Array) -> Callable[[], None]:
+        """``run_into`` for two arrays that stay: calls read what ``x`` holds then."""
+        in_place(x, self.inputs, "x")
+        return self.kernel.bound(self.arguments(x, out), (x, out))
+
+    def arguments(self, x: Array, out: Array) -> list[int]:
+        """Arguments of the kernel."""
+        n = x.shape[1]
         in_place(out, self.outputs, "out")
-        self.call(x.ctypes.data, out.ctypes.data, n, step(x), step(out))
+        if out.shape[1] != n:
+            raise ValueError(f"x holds {n} postures and out {out.shape[1]}")
+        return [x.ctypes.data, out.ctypes.data, n, step(x), step(out)]
 
 
 @dataclass(frozen=True)
 class Looped:
-    """A tape that repeats itself on this machine. Threads may share it.
+    """A tape that repeats itself on this machine.
 
     Attributes
     ----------
     states, parameters : int
         How many numbers change and how many stay.
-    lanes : int
-        Postures that one operation works on.
-    call : callable
-        ``call(s, p, n, step_s, step_p, most)`` on raw addresses, as in ``Compiled``.
+    kernel : Kernel
+        Its ``call(s, p, n, step_s, step_p, most)`` changes the states at ``s + 8 k step_s`` in
+        place, with the parameters at ``p + 8 k step_p``.
     """
 
     states: int
     parameters: int
-    lanes: int
-    call: Callable[[int, int, int, int, int, int], None] = field(repr=False)
-    code: native.Loaded = field(repr=False)
+    kernel: Kernel
 
     def run(self, state: Array, parameters: Array, most: int) -> None:
         """Repeat the tape on ``state`` (states, n) in place, at most ``most`` times.
@@ -92,22 +137,38 @@ class Looped:
         tape says of each that it no longer runs; until then it repeats for all of the block, so
         the tape itself must keep a state that has ended.
         """
-        parameters, n = matching(parameters, self.parameters, "parameters"), state.shape[-1]
-        if parameters.shape[1] != n:
-            raise ValueError(f"parameters hold {parameters.shape[1]} postures and state {n}")
+        parameters = matching(parameters, self.parameters, "parameters")
+        self.kernel.call(*self.arguments(state, parameters, most))
+
+    def bound(self, state: Array, parameters: Array, most: int) -> Callable[[], None]:
+        """``run`` for two arrays that stay: calls begin with what they hold then."""
+        in_place(parameters, self.parameters, "parameters")
+        return self.kernel.bound(self.arguments(state, parameters, most), (state, parameters))
+
+    def arguments(self, state: Array, parameters: Array, most: int) -> list[int]:
+        """Arguments of the kernel."""
+        n = parameters.shape[1]
         in_place(state, self.states, "state")
-        given = parameters.ctypes.data
-        self.call(state.ctypes.data, given, n, step(state), step(parameters), most)
+        if state.shape[1] != n:
+            raise ValueError(f"parameters hold {n} postures and state {state.shape[1]}")
+        places = [state.ctypes.data, parameters.ctypes.data]
+        return [*places, n, step(state), step(parameters), int(most)]
 
 
 def compiled(tape: Tape, lanes: int = 0) -> Compiled:
-    """Machine code for a tape, in as many lanes as the machine has unless told otherwise."""
-    lanes = lanes or native.host().lanes
-    program = lowered(tape, PIECE)
-    memory = drivers.Memory(tape.inputs, len(tape.outputs), 0, program.rows)
-    text = drivers.batch(memory, lanes) + "\n" + bodies(program, tape.inputs, lanes)
-    code = native.loaded(native.object_code(text))
-    return Compiled(tape.inputs, len(tape.outputs), lanes, code.function("run", 5), code)
+    """Machine code for a tape, in as many lanes as the machine has unless told otherwise.
+
+    Raises
+    ------
+    TypeError
+        Where a truth value meets arithmetic, or a number stands for a truth value.
+    """
+    truth_values(tape)
+    if tape.count() > LIMIT:
+        kernel = Kernel(interpreter.batch(tape), 1, False)
+    else:
+        kernel = machine_code(tape, None, lanes)
+    return Compiled(tape.inputs, len(tape.outputs), kernel)
 
 
 def looped(tape: Tape, state: int, lanes: int = 0) -> Looped:
@@ -118,49 +179,52 @@ def looped(tape: Tape, state: int, lanes: int = 0) -> Looped:
 
     Raises
     ------
+    TypeError
+        As for ``compiled``.
     ValueError
         Where the tape does not have that form.
     """
-    lanes = lanes or native.host().lanes
-    program = lowered(tape, PIECE)
-    if len(tape.outputs) != state + 1 or not program.truths[tape.outputs[-1]]:
+    truths = truth_values(tape)
+    if len(tape.outputs) != state + 1 or not truths[tape.outputs[-1]]:
         raise ValueError(f"a loop of {state} states needs {state} outputs and then a truth value")
     if not 0 <= state <= tape.inputs:
         raise ValueError(f"{state} states among {tape.inputs} inputs")
-    memory = drivers.Memory(state, state + 1, tape.inputs - state, program.rows)
-    text = drivers.loop(memory, lanes) + "\n" + bodies(program, state, lanes)
-    code = native.loaded(native.object_code(text))
-    return Looped(state, tape.inputs - state, lanes, code.function("loop", 6), code)
+    if tape.count() > LIMIT:
+        kernel = Kernel(interpreter.loop(tape, state), 1, False)
+    else:
+        kernel = machine_code(tape, state, lanes)
+    return Looped(state, tape.inputs - state, kernel)
 
 
-def bodies(program: Program, head: int, lanes: int) -> str:
-    """Text of a program for one lane and for ``lanes``."""
-    return "\n".join(body(program, head, native.host().shape(w)) for w in sorted({1, lanes}))
+def machine_code(tape: Tape, state: int | None, lanes: int) -> Kernel:
+    """Kernel of machine code, from disk where it is known; a loop where ``state`` is given."""
+    here = native.host()
+    lanes = lanes or here.lanes
+    what = repr((tape.nodes, tape.outputs, tape.inputs, state, lanes, PIECE))
+    name = cache.key(generator(), repr(here), what)
+    objects = cache.read(name)
+    if objects is None:
+        objects = native.object_code(text(tape, state, lanes))
+        cache.write(name, objects)
+    code = native.loaded(objects)
+    entry, count = ("run", 5) if state is None else ("loop", 6)
+    return Kernel(code.function(entry, count), lanes, True, code.packed(f"{entry}_packed"), code)
 
 
-def matching(x: Any, count: int, name: str) -> Array:
-    """Array of ``count`` rows of numbers, copied where the rows are not contiguous."""
-    x = np.asarray(x, dtype=np.float64)
-    if x.ndim != 2 or x.shape[0] != count:
-        raise ValueError(f"{name} must have the shape ({count}, n), got {x.shape}")
-    return x if straight(x) else np.ascontiguousarray(x)
+@functools.cache
+def generator() -> str:
+    """Digest of the modules that decide what code is made."""
+    digest = hashlib.sha256()
+    for name in ("codegen", "drivers", "lowering", "machine", "native", "sincos"):
+        digest.update(pkgutil.get_data("closedchain.closure.tape", f"{name}.py") or b"")
+    return digest.hexdigest()
 
 
-def in_place(x: Array, count: int, name: str) -> None:
-    """Refuse an array that cannot be written row by row."""
-    if x.dtype != np.float64 or x.ndim != 2 or x.shape[0] != count:
-        raise ValueError(f"{name} must be float64 of shape ({count}, n), got {x.dtype} {x.shape}")
-    if not (x.flags.writeable and straight(x)):
-        raise ValueError(f"{name} must be writeable, its rows contiguous")
-
-
-def straight(x: Array) -> bool:
-    """Whether the rows are contiguous and follow each other in whole steps."""
-    if x.size == 0:
-        return True
-    return x.strides[0] % 8 == 0 and (x.strides[1] == 8 or x.shape[1] == 1) and x.flags.aligned
-
-
-def step(x: Array) -> int:
-    """Numbers from one row to the next."""
-    return x.strides[0] // 8
+def text(tape: Tape, state: int | None, lanes: int) -> str:
+    """LLVM text of a tape for one lane and for ``lanes``, and what runs it over postures."""
+    program = lowered(tape, PIECE)
+    head = tape.inputs if state is None else state
+    memory = drivers.Memory(head, len(tape.outputs), tape.inputs - head, program.rows)
+    driver = drivers.batch if state is None else drivers.loop
+    bodies = [body(program, head, native.host().shape(w)) for w in sorted({1, lanes})]
+    return "\n".join([driver(memory, lanes), *bodies])

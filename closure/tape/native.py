@@ -16,7 +16,7 @@ from closedchain.closure.tape.codegen import Shape
 
 LOCK = threading.RLock()
 LEVEL = 1
-"""Effort of LLVM's code generator, 0 to 3: higher ones take longer for the same speed here."""
+"""Effort of LLVM's code generator, 0 to 3: above 1 it takes longer to write the same code."""
 
 
 @dataclass(frozen=True)
@@ -105,8 +105,12 @@ class Loaded:
 
     def function(self, name: str, arguments: int) -> Any:
         """Return a function of so many integers and addresses; it runs without Python's lock."""
-        kinds = [ctypes.c_ssize_t] * arguments
+        kinds = [ctypes.c_void_p] * arguments  # quicker to convert to than other integers
         return ctypes.CFUNCTYPE(None, *kinds)(self.address(name))
+
+    def packed(self, name: str) -> Any:
+        """Return a function of one address, where its arguments are; it runs without the lock."""
+        return ctypes.CFUNCTYPE(None, ctypes.c_void_p)(self.address(name))
 
 
 def loaded(code: bytes) -> Loaded:

@@ -7,18 +7,25 @@ import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from pathlib import Path
 
 import mpmath
 import numpy as np
 import pytest
 from random_tapes import random_tape
 
-from closedchain.closure.tape import machine, native
+from closedchain.closure.tape import drivers, machine, native
 from closedchain.closure.tape.expression import Graph, Tape
 from closedchain.closure.tape.numbers import evaluate
 from closedchain.closure.tape.sincos import RANGE
 
 WIDTHS = (1, 2, 4, 8)
+
+
+@pytest.fixture(autouse=True)
+def nothing_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every test compiles for itself."""
+    monkeypatch.setenv("CLOSEDCHAIN_CACHE", str(tmp_path))
 
 
 def same_bits(a: np.ndarray, b: np.ndarray) -> bool:
@@ -214,13 +221,57 @@ def test_loops_of_another_form_are_refused() -> None:
         machine.looped(g.tape([x, y, x, x < y], 2), 3)
 
 
-def test_large_memory_comes_from_the_heap() -> None:
-    g = Graph()
-    n = 1100
-    x = g.inputs(0, n)
-    code = machine.compiled(g.tape([x[k] - x[n - 1 - k] for k in range(n)], n))
-    values = np.random.default_rng(0).standard_normal((n, 11))
-    assert same_bits(code.run(values), values - values[::-1])
+def test_bound_calls_read_what_the_arrays_hold() -> None:
+    tape = random_tape(8, length=60)
+    code = machine.compiled(tape)
+    for n in (1, 5):
+        x, out = np.zeros((code.inputs, n)), np.empty((code.outputs, n))
+        call = code.bound(x, out)
+        for seed in range(3):
+            x[:] = postures(tape, n, seed)
+            call()
+            assert same_bits(out, code.run(x))
+    state, a = np.ones((2, 1)), np.empty((1, 1))
+    solve = machine.looped(root_tape(), 2).bound(state, a, 50)
+    for value in (4.0, 81.0):
+        a[:], state[:] = value, 1.0
+        solve()
+        assert state[0, 0] == pytest.approx(math.sqrt(value), rel=1e-14)
+    with pytest.raises(ValueError, match="x must be"):
+        code.bound(np.zeros((code.inputs, 4))[:, ::2], np.zeros((code.outputs, 2)))
+
+
+def test_numpy_runs_what_is_too_long_to_compile(monkeypatch: pytest.MonkeyPatch) -> None:
+    tape, x = random_tape(9, length=60), np.random.default_rng(1).uniform(-1, 1, (5, 600))
+    a = np.random.default_rng(2).uniform(0.5, 1e6, (1, 600))
+    fast, quick = machine.compiled(tape), machine.looped(root_tape(), 2)
+    monkeypatch.setattr(machine, "LIMIT", 3)
+    slow, loop = machine.compiled(tape), machine.looped(root_tape(), 2)
+    assert fast.kernel.machine_code
+    assert not slow.kernel.machine_code
+    assert not loop.kernel.machine_code
+    assert np.allclose(slow.run(x), fast.run(x), rtol=1e-9, atol=1e-11)
+    assert np.allclose(slow.run(x[:, 5:9]), fast.run(x)[:, 5:9], rtol=1e-9, atol=1e-11)
+    states = [np.vstack([np.ones(600), np.zeros(600)]) for _ in range(3)]
+    quick.run(states[0], a, 100)
+    loop.run(states[1], a, 100)
+    loop.bound(states[2], a, 100)()
+    assert np.allclose(states[0], states[1], rtol=1e-14)
+    assert same_bits(states[1], states[2])
+    assert slow.run(np.empty((5, 0))).shape == (slow.outputs, 0)
+
+
+def test_large_memory_comes_from_the_heap(monkeypatch: pytest.MonkeyPatch) -> None:
+    tape, x = random_tape(12, length=40), postures(random_tape(12, length=40), 21)
+    on_stack = machine.compiled(tape).run(x)
+    roots = np.vstack([np.ones(21), np.zeros(21)])
+    a = 1.0 + np.arange(21.0)[None]
+    monkeypatch.setattr(drivers, "STACK", 64)
+    monkeypatch.setattr(machine, "PIECE", 9)
+    assert "@malloc(i64" in machine.text(tape, None, 4).split("declare")[0]
+    assert same_bits(machine.compiled(tape).run(x), on_stack)
+    machine.looped(root_tape(), 2).run(roots, a, 50)
+    assert np.allclose(roots[0] ** 2, a, rtol=1e-13)
 
 
 def test_threads_share_the_code() -> None:
