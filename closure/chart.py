@@ -153,9 +153,9 @@ class Chart:
     def problem(self) -> Problem:
         """Closures with the joints of the chart pinned and its outputs prescribed."""
         if not self.outputs:
-            return problem_of(self.mechanism, self.pinned_v)
+            return problem_of(self.mechanism, self.pinned_v.tolist())
         tip = self.mechanism.required_task().tip
-        return problem_of(self.mechanism, self.pinned_v, ((tip, self.outputs),))
+        return problem_of(self.mechanism, self.pinned_v.tolist(), ((tip, self.outputs),))
 
     @cached_property
     def _pins(self) -> tuple[np.ndarray, list[int], list[int]]:

@@ -116,7 +116,6 @@ class _Work:
         self.solved = np.zeros(block.size + 1, dtype=bool)
         self.codes = np.full(block.size, UNTRIED)
         self.mark = np.zeros(block.size, dtype=np.int64)
-        self.limits = tuple(limit[:, None] for limit in block.problem.mechanism.limits)
 
     def begin(self, seeds: np.ndarray) -> np.ndarray:
         """Close seeds (s,); those that lead on."""
@@ -151,6 +150,8 @@ class _Work:
         """Follow ways from cells into others, all different; which ones lead on, (n,) of bool."""
         way = self.hops.ways(begin, end, self._behind(begin, side ^ 1))
         found = self._judged(way, begin, end)
+        if self.hops.problem.redundant:
+            way, found = self._looked_into(way, found, begin, end)
         good = found == ARRIVED
         there = end[good]
         self.hops.q[:, there], self.hops.det[there] = way.q.T[:, good], way.det[good]
@@ -170,21 +171,45 @@ class _Work:
 
     def _judged(self, way: Way, begin: np.ndarray, end: np.ndarray) -> np.ndarray:
         """Codes (n,): ARRIVED, LIMIT, MIRRORED, REVERSED, FOLD or STUCK."""
-        q = way.q.T
-        largest, sense, faces = self.hops.follower.check.run(
-            np.concatenate([q, self.hops.targets[:, end]])
-        )
-        lower, upper = self.limits
-        beyond = ((q < lower - LIMIT_TOLERANCE) | (q > upper + LIMIT_TOLERANCE)).any(axis=0)
-        found = np.where(beyond, LIMIT, ARRIVED)
-        found[faces < 0.0] = REVERSED
-        found[sense < 0.0] = MIRRORED
-        found[~(largest < CLOSED)] = STUCK
+        found = self._arrived(way, end)
         ended = np.flatnonzero(way.codes != ARRIVED)
         if ended.size:
             folds = self._folds(way, begin[ended], end[ended], ended)
             found[ended] = np.where(folds, FOLD, STUCK)
         return found
+
+    def _arrived(self, way: Way, end: np.ndarray) -> np.ndarray:
+        """Codes (n,) of ways that arrived: ARRIVED, LIMIT, MIRRORED, REVERSED, or else STUCK."""
+        largest, sense, facing, within = self.hops.follower.check.run(
+            np.concatenate([way.q.T, self.hops.targets[:, end]])
+        )
+        found = np.where(within < -LIMIT_TOLERANCE, LIMIT, ARRIVED)
+        found[facing < 0.0] = REVERSED
+        found[sense < 0.0] = MIRRORED
+        found[~(largest < CLOSED) | (way.codes != ARRIVED)] = STUCK
+        return found
+
+    def _looked_into(
+        self, way: Way, found: np.ndarray, begin: np.ndarray, end: np.ndarray
+    ) -> tuple[Way, np.ndarray]:
+        """Ways whose kept rows failed, or whose other rows stayed open, once more with others.
+
+        Where all rows lose rank, other ones lead no further.
+        """
+        failed = np.flatnonzero((found == FOLD) | (found == STUCK) | (self.hops.det[begin] == 0.0))
+        if not failed.size:
+            return way, found
+        slow = self.hops.slowly(begin[failed], end[failed])
+        further = (slow.codes == ARRIVED) | (slow.reached > way.reached[failed] + SHORT)
+        slow.det[further] = 0.0  # of other rows
+        codes = self._arrived(slow, end[failed])
+        ended = slow.codes != ARRIVED
+        codes[ended] = np.where(further[ended], FOLD, found[failed][ended])
+        found[failed] = np.where(further, codes, found[failed])
+        merged = {name: getattr(way, name).copy() for name in ("q", "reached", "codes", "det")}
+        for name, values in merged.items():
+            values[failed[further]] = getattr(slow, name)[further]
+        return Way(**merged, evaluations=way.evaluations, started=way.started), found
 
     def _folds(self, way: Way, begin: np.ndarray, end: np.ndarray, ended: np.ndarray) -> np.ndarray:
         """Whether ways ``ended`` (e,), from cells to others, ended with a singularity in sight.

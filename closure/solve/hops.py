@@ -11,18 +11,10 @@ from functools import cached_property
 
 import numpy as np
 
-from closedchain.closure.solve.path import (
-    CHUNK,
-    FIRST_STEP,
-    LONGEST,
-    RUNNING,
-    STATE,
-    TICKS,
-    Follower,
-    Way,
-    follower_of,
-)
+from closedchain.closure.solve.control import FRESH, LONGEST, MOST, RUNNING, STATE
+from closedchain.closure.solve.path import CHUNK, TICKS, Follower, Way, follower_of
 from closedchain.closure.solve.problem import POSE, Problem
+from closedchain.closure.solve.ways import follow
 
 SMALLEST_STEP = 1e-4
 """Share of the way to a neighbour, where steps end that no longer lead on."""
@@ -41,7 +33,7 @@ class Hops:
     q : (nq, cells) array
         Postures of solved cells.
     det : (cells,) array
-        Determinants there.
+        Determinants of the kept rows there; 0 where it is not known.
     """
 
     def __init__(self, problem: Problem, targets: np.ndarray, q: np.ndarray) -> None:
@@ -86,16 +78,29 @@ class Hops:
         q = self.q[:, begin]
         return self._followed(q, q, self.det[begin], self._laid_out(one, back))
 
+    def slowly(self, begin: np.ndarray, end: np.ndarray) -> Way:
+        """The same, past where only the kept rows fail; a determinant there is not that of others.
+
+        The starts are closed again, as nothing is known of the kept rows there.
+        """
+        one, two, q = (
+            np.ascontiguousarray(x.T)
+            for x in (self.targets[:, begin], self.targets[:, end], self.q[:, begin])
+        )
+        return follow(self.problem, q, one, two, SMALLEST_STEP)
+
     def _followed(
-        self, q: np.ndarray, trial: np.ndarray, det: np.ndarray, numbers: np.ndarray
+        self, q: np.ndarray, trial: np.ndarray, det: np.ndarray, ways: tuple[np.ndarray, np.ndarray]
     ) -> Way:
+        """Follow from good postures (nq, n), the first trial given, on ``ways`` as laid out."""
         nq, n = q.shape
-        state = np.empty((2 * nq + len(STATE), n))
+        numbers, longest = ways
+        state = np.zeros((self.follower.states, n))
         state[:nq], state[nq : 2 * nq] = q, trial
-        rest = dict(zip(STATE, state[2 * nq :], strict=True))
-        state[2 * nq :] = 0.0
-        rest["step"][:], rest["bound"][:], rest["status"][:] = numbers[-2], FIRST_STEP, RUNNING
-        rest["sign"][:], rest["det"][:] = np.copysign(1.0, det), det
+        state[2 * nq : 2 * nq + len(STATE)] = FRESH[:, None]
+        rest = dict(zip(STATE, state[2 * nq :], strict=False))
+        rest["reached"][:], rest["step"][:] = 0.0, longest
+        rest["side"][:], rest["det"][:] = np.sign(det), det
         for a in range(0, n, CHUNK):
             part, given = state[:, a : a + CHUNK], numbers[:, a : a + CHUNK]
             while (part[2 * nq + _STATUS] == RUNNING).any():
@@ -131,21 +136,16 @@ class Hops:
         p = len(self.problem.pinned)
         return [slice(p + POSE * i + 3, p + POSE * (i + 1)) for i in range(len(self.problem.goals))]
 
-    def _laid_out(self, one: np.ndarray, two: np.ndarray) -> np.ndarray:
-        """Parameters (parameters, n) of ways between targets (prescribed, n)."""
-        m, count = self.problem.mechanism, self.problem.prescribed
-        numbers = np.empty((self.follower.parameters, one.shape[1]))
-        begin, end = numbers[:count], numbers[count : 2 * count]
-        begin[:], end[:] = one, two
-        pins = list(self.problem.pinned)
-        units = m.column_scale[pins][:, None]
-        travel = np.abs((end - begin)[: len(pins)] / units).max(axis=0, initial=0.0)
+    def _laid_out(self, one: np.ndarray, two: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Parameters of the loop for ways between targets (prescribed, n), and longest steps."""
+        m, pins = self.problem.mechanism, list(self.problem.pinned)
+        gap = two - one
+        travel = np.abs(gap[: len(pins)] / m.column_scale[pins][:, None]).max(axis=0, initial=0.0)
         for at in self._turns:
-            end[at] *= np.where((begin[at] * end[at]).sum(axis=0) < 0.0, -1.0, 1.0)
-            gap = end - begin
             place = slice(at.start - 3, at.start)
-            shift, turn = (np.sqrt((gap[x] * gap[x]).sum(axis=0)) for x in (place, at))
-            travel = np.maximum(travel, shift / m.length + 2.0 * turn)
-        numbers[-2] = np.clip(LONGEST / np.maximum(travel, 1e-300), 1e-3, 1.0)
-        numbers[-1] = SMALLEST_STEP * numbers[-2]
-        return numbers
+            shift, chord = (np.sqrt((gap[x] * gap[x]).sum(axis=0)) for x in (place, at))
+            # quaternions of either sign say the same
+            turn = 2.0 * np.minimum(chord, np.sqrt(np.maximum(4.0 - chord * chord, 0.0)))
+            travel = np.maximum(travel, shift / m.length + turn)
+        numbers = np.concatenate([one, two, np.full((1, one.shape[1]), SMALLEST_STEP)])
+        return numbers, np.clip(LONGEST / np.maximum(travel, 1e-300), 1.0 / MOST, 1.0)
