@@ -13,6 +13,8 @@ from closedchain.closure.tape.expression import Expr, Graph, total
 
 Columns = list[list[Expr]]
 
+TINY = 1e-290
+
 
 def inner(g: Graph, a: Sequence[Expr], b: Sequence[Expr]) -> Expr:
     """Return a . b."""
@@ -100,3 +102,53 @@ def gram_root(g: Graph, rows: Sequence[dict[int, Expr]]) -> Expr:
             for j in range(k + 1, i + 1):
                 a[i][j] = a[i][j] - factor * a[j][k]
     return product.sqrt()
+
+
+def bidiagonal(g: Graph, matrix: Sequence[Sequence[Expr]]) -> tuple[list[Expr], list[Expr]]:
+    """Squares of a bidiagonal matrix with the same singular values: diagonal, then beside it.
+
+    By Householder's reflections from both sides, of a matrix (p, q); min(p, q) on the diagonal.
+    """
+    a = [list(row) for row in matrix]
+    if a and len(a) > len(a[0]):
+        a = [list(column) for column in zip(*a, strict=True)]
+    p = len(a)
+    diagonal, beside = [], []
+    for k in range(p):
+        along, rest = a[k][k:], [row[k:] for row in a[k + 1 :]]
+        square, rest = reflected(g, along, rest)
+        diagonal.append(square)
+        for i, row in enumerate(rest):
+            a[k + 1 + i][k:] = row
+        if k + 1 == p:
+            continue
+        down = [row[k] for row in a[k + 1 :]]
+        others = [[row[c] for row in a[k + 1 :]] for c in range(k + 1, len(a[k]))]
+        square, others = reflected(g, down, others)
+        beside.append(square)
+        for c, column in enumerate(others):
+            for i, value in enumerate(column):
+                a[k + 1 + i][k + 1 + c] = value
+    return diagonal, beside
+
+
+def reflected(
+    g: Graph, vector: Sequence[Expr], others: Sequence[Sequence[Expr]]
+) -> tuple[Expr, list[list[Expr]]]:
+    """Turn a vector onto the first axis by a reflection, and others along.
+
+    Returns the square of its length, and the other vectors.
+    """
+    square = inner(g, vector, vector)
+    if len(vector) == 1:
+        return square, [list(other) for other in others]
+    size = square.sqrt()
+    first = vector[0] + (vector[0] < 0.0).select(-size, size)
+    normal = [first, *vector[1:]]
+    half = square + abs(vector[0]) * size
+    share = (half > TINY).select(half, 1.0).recip()
+    found = []
+    for other in others:
+        amount = inner(g, normal, other) * share
+        found.append([x - amount * n for x, n in zip(other, normal, strict=True)])
+    return square, found

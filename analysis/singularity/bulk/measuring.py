@@ -15,26 +15,16 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from closedchain.analysis.first_order import OPEN
-from closedchain.analysis.singularity.bulk.plan import FirstOrderTape, Plan, planned, rows_of
+from closedchain.analysis.singularity.bulk.machine import MeasuresCode
+from closedchain.analysis.singularity.bulk.plan import Plan, planned
+from closedchain.analysis.singularity.bulk.singular import Found, singular_values
 from closedchain.analysis.singularity.maps.measures import measures_at
-from closedchain.analysis.singularity.rank_loss import (
-    ClosedMotions,
-    condition,
-    entry,
-    sigma_direct,
-    sigma_inverse,
-)
 from closedchain.closure.mechanism import Mechanism
-from closedchain.closure.tape.dense import over_triangle, triangle
-from closedchain.closure.tape.expression import Graph
-from closedchain.closure.tape.machine import Compiled, compiled
-from closedchain.closure.tape.rates import physical_rates
 
+DETERMINANTS = ("residual", "det_direct", "det_inverse")
 PIVOT = 1e-5  # dimensionless: digits are lost in proportion to the smallest pivot
 LARGE = 1e4  # of motions for unit input rates: they lose as many digits of the others
-CHUNK = 1024  # postures at once
-
-Found = dict[str, np.ndarray]
+CHUNK = 256  # postures at once: what is passed between the parts stays in the cache
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,8 +53,7 @@ class BulkMeasures:
         ClosureError
             A posture that is not closed.
         """
-        names = {"residual", "det_direct", "det_inverse"}
-        return {k: v for k, v in self._all(postures, full=False).items() if k in names}
+        return {k: v for k, v in self._all(postures, full=False).items() if k in DETERMINANTS}
 
     def measures(self, postures: np.ndarray) -> Found:
         """All measures (n,) of closed postures (n, nq), as ``maps.measures.measures_at`` has them.
@@ -87,15 +76,16 @@ class BulkMeasures:
         return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
     def _chunk(self, postures: np.ndarray, full: bool) -> Found:
-        code = self._first
         x = np.ascontiguousarray(postures.T)
-        residual, least, large, *dets = code.run(x)
-        found = {"residual": residual} | dict(zip(self._names, dets, strict=True))
-        good = (residual <= OPEN) & (least > PIVOT) & (large < LARGE)
+        numbers = (self._code.everything if full else self._code.determinants).run(x)
+        names = [name for name in DETERMINANTS if name in numbers.begins]
+        found = {name: numbers.one(name) for name in names}
+        good = numbers.one("residual") <= OPEN
+        good &= (numbers.one("least") > PIVOT) & (numbers.one("large") < LARGE)
         if full:
-            fine, more = self._motions(x)
-            good &= fine
-            found |= more
+            singular = singular_values(self._code, numbers)
+            found |= singular.found
+            good &= singular.settled & (numbers.one("size") < LARGE**2)
         doubtful = np.flatnonzero(~good)
         if doubtful.size:
             exact = measures_at(self.mechanism, postures[doubtful], self.outputs)
@@ -104,66 +94,9 @@ class BulkMeasures:
         return found
 
     @cached_property
-    def _names(self) -> tuple[str, ...]:
+    def _code(self) -> MeasuresCode:
         assert self.plan is not None
-        flags = {"det_direct": self.plan.has_direct, "det_inverse": self.plan.has_inverse}
-        return tuple(name for name, there in flags.items() if there)
-
-    @cached_property
-    def _first(self) -> Compiled:
-        assert self.plan is not None
-        tape = FirstOrderTape(self.plan, Graph())
-        outputs = [tape.residual, *tape.guards, *(tape.determinants[n] for n in self._names)]
-        return compiled(tape.graph.tape(outputs, self.mechanism.model.nq))
-
-    # -- on the closed motions ---------------------------------------------------------------------
-
-    @cached_property
-    def _second(self) -> Compiled:
-        assert self.plan is not None
-        tape = FirstOrderTape(self.plan, Graph())
-        g, k = tape.graph, tape.kinematics
-        rates = physical_rates(k, tape.basis)
-        upper = triangle(g, rates)
-        size = g.constant(0.0)
-        for row in upper:
-            for x in row:
-                size = size + x * x
-        inputs = over_triangle(g, tape.inputs, upper)
-        outputs = over_triangle(g, tape.outputs, upper)
-        zero = g.constant(0.0)
-        nv = self.mechanism.model.nv
-        closures = [[row.get(v, zero) for v in range(nv)] for row in tape.entries]
-        wanted = [size, *rows_of(inputs), *rows_of(outputs), *rows_of(closures)]
-        return compiled(g.tape(wanted, self.mechanism.model.nq))
-
-    def _motions(self, x: np.ndarray) -> tuple[np.ndarray, Found]:
-        assert self.plan is not None
-        generic, n, k = self.plan.generic, self.plan.motions, x.shape[1]
-        size, *rest = self._second.run(x)
-        matrix = np.array(rest).T
-        a, d = len(self.mechanism.inputs) * n, len(self.outputs) * n
-        v = ClosedMotions(
-            np.empty((k, 0, n)),
-            matrix[:, :a].reshape(k, len(self.mechanism.inputs), n),
-            matrix[:, a : a + d].reshape(k, len(self.outputs), n),
-        )
-        closures = matrix[:, a + d :].reshape(k, self.mechanism.rows, self.mechanism.model.nv)
-        good = size < LARGE**2
-        v = ClosedMotions(
-            v.motions,
-            np.where(good[:, None, None], v.inputs, 0.0),
-            np.where(good[:, None, None], v.outputs, 0.0),
-        )
-        s = np.linalg.svd(closures, compute_uv=False) if closures.shape[1] else np.zeros((k, 0))
-        found = {
-            "sigma_direct": sigma_direct(v, generic),
-            "sigma_inverse": sigma_inverse(v, generic),
-            "sigma_constraint": entry(s, len(self.plan.kept)),
-            "condition": condition(v, generic),
-        }
-        good &= found["sigma_constraint"] > PIVOT
-        return good, found
+        return MeasuresCode(self.plan)
 
 
 _MADE: WeakKeyDictionary[Mechanism, dict[tuple[str, ...], BulkMeasures]] = WeakKeyDictionary()
