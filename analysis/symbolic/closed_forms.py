@@ -85,7 +85,7 @@ def _refuse_unwritten(mechanism: Mechanism, graph: LoopGraph, drives: Mapping[st
     for pair in graph.pairs:
         if pair.symbol not in _WRITTEN:
             raise ClosureError(
-                f"{mechanism.name} has no closed forms: the closure {pair.name!r} is a "
+                f"{mechanism.name} has no closed forms: the closure {pair.name!r} is of kind "
                 f"{BY_SYMBOL[pair.symbol].name}, which is not written out in symbols; ask "
                 "cc.singularity_set"
             )

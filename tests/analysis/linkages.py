@@ -7,6 +7,8 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import closedchain as cc
+from closedchain.urdf import ClosureType, JointRelation, RelationType, constraint_xml
+from closedchain.urdf.constraint_element import SPELLINGS
 
 Z = "0 0 1"
 
@@ -45,26 +47,44 @@ class Cut:
     child: str
     parent_xyz: str = "0 0 0"
     child_xyz: str = "0 0 0"
-    type: str = "revolute"
+    type: ClosureType = "revolute"
     axis: str = Z
     child_axis: str = Z
+    length: float | None = None
 
     def text(self) -> str:
-        axes = self.type not in {"spherical", "fixed"}
-        one = f'<parent_axis xyz="{self.axis}"/>' if axes else ""
-        two = f'<child_axis xyz="{self.child_axis}"/>' if axes else ""
+        spelling = SPELLINGS[self.type]
+        one = f'<parent_axis xyz="{self.axis}"/>' if spelling.parent_axis else ""
+        two = f'<child_axis xyz="{self.child_axis}"/>' if spelling.child_axis != "none" else ""
+        length = "" if self.length is None else f' length="{self.length!r}"'
         return (
-            f'<constraint name="{self.name}" type="{self.type}">'
+            f'<constraint name="{self.name}" type="{self.type}"{length}>'
             f'<parent link="{self.parent}"/><parent_origin xyz="{self.parent_xyz}" rpy="0 0 0"/>'
             f'{one}<child link="{self.child}"/>'
             f'<child_origin xyz="{self.child_xyz}" rpy="0 0 0"/>{two}</constraint>'
         )
 
 
+@dataclass(frozen=True)
+class Tie:
+    """A relation of joint values."""
+
+    name: str
+    type: RelationType
+    joints: tuple[str, ...]
+    coefficients: tuple[float, ...]
+    offset: float = 0.0
+
+    def text(self) -> str:
+        return constraint_xml(
+            JointRelation(self.name, self.type, self.joints, self.coefficients, self.offset)
+        )
+
+
 def urdf(
     name: str,
     joints: Iterable[J],
-    cuts: Iterable[Cut] = (),
+    cuts: Iterable[Cut | Tie] = (),
     *,
     inputs: Mapping[str, str] | None = None,
     home: Mapping[str, object] | None = None,
