@@ -1,7 +1,8 @@
 """A tape on any kind of number: floats, arrays, complex numbers, duals, intervals, ring elements.
 
-What plain arithmetic does not cover comes from ``Functions``: numpy's by default, the number
-type's own else. Numbers need ``+``, ``-``, ``*``, unary ``-`` and ``1.0 / x``.
+Numbers need ``+``, ``-``, ``*``, unary ``-`` and, unless told otherwise, ``1.0 / x``. What plain
+arithmetic does not cover comes from ``Functions``: given ones, else those that the number type
+carries as ``FUNCTIONS``, else numpy's.
 """
 
 from __future__ import annotations
@@ -57,8 +58,13 @@ class Functions:
 NUMPY = Functions()
 """For floats, complex numbers and arrays of them."""
 
+ORDERED = frozenset({"less", "min", "max", "abs"})
+"""Operations that complex numbers do not have."""
 
-def evaluate(tape: Tape, inputs: Sequence[Value], functions: Functions = NUMPY) -> list[Value]:
+
+def evaluate(
+    tape: Tape, inputs: Sequence[Value], functions: Functions | None = None
+) -> list[Value]:
     """Outputs of a tape for its inputs, in the arithmetic of the inputs' own type.
 
     Truth values come out as what ``functions.less`` makes. Values are dropped after their last
@@ -66,11 +72,18 @@ def evaluate(tape: Tape, inputs: Sequence[Value], functions: Functions = NUMPY) 
 
     Raises
     ------
+    TypeError
+        Where the tape compares and numpy's complex numbers go in.
     ValueError
         Where the number of inputs is not the tape's.
     """
     if len(inputs) != tape.inputs:
         raise ValueError(f"the tape takes {tape.inputs} inputs, got {len(inputs)}")
+    functions = functions or carried(inputs)
+    if functions is NUMPY and any(np.iscomplexobj(x) for x in inputs):
+        refused = sorted({node[0] for node in tape.nodes} & ORDERED)
+        if refused:
+            raise TypeError(f"complex numbers have no {', '.join(refused)}")
     names = operations(functions)
     last = last_uses(tape)
     values: dict[int, Value] = {}
@@ -86,6 +99,15 @@ def evaluate(tape: Tape, inputs: Sequence[Value], functions: Functions = NUMPY) 
                 if last[k] == i:
                     del values[k]
     return [values[i] for i in tape.outputs]
+
+
+def carried(inputs: Sequence[Value]) -> Functions:
+    """Functions that the type of an input carries, else numpy's."""
+    for x in inputs:
+        found = getattr(type(x), "FUNCTIONS", None)
+        if isinstance(found, Functions):
+            return found
+    return NUMPY
 
 
 def operations(functions: Functions) -> dict[str, Callable[..., Value]]:

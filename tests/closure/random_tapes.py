@@ -1,4 +1,4 @@
-"""Tapes of every operation, made at random."""
+"""Tapes to test with: of every operation, made at random, and a loop."""
 
 from __future__ import annotations
 
@@ -59,3 +59,11 @@ def random_tape(seed: int, inputs: int = 5, length: int = 150) -> Tape:
     chosen = [numbers[k] for k in rng.integers(0, len(numbers), 12)]
     last = numbers[-1]
     return graph.tape([*chosen, last, *truths[-4:], numbers[1], 2.5, last], inputs)
+
+
+def root_tape() -> Tape:
+    """Newton's iteration for the square root of parameter 0, counting its steps."""
+    g = Graph()
+    x, steps, a = g.inputs(0, 3)
+    runs = 1e-14 * a < abs(x * x - a)
+    return g.tape([runs.select(0.5 * (x + a / x), x), runs.select(steps + 1.0, steps), runs], 3)

@@ -12,7 +12,7 @@ from pathlib import Path
 import mpmath
 import numpy as np
 import pytest
-from random_tapes import random_tape
+from random_tapes import random_tape, root_tape
 
 from closedchain.closure.tape import drivers, machine, native
 from closedchain.closure.tape.expression import Graph, Tape
@@ -170,14 +170,6 @@ def test_nan_is_never_hidden() -> None:
     assert np.isnan(found[:6]).all()
     assert (found[6] == 0).all()
     assert (found[7] == 1).all()
-
-
-def root_tape() -> Tape:
-    """Newton's iteration for the square root of parameter 0, counting its steps."""
-    g = Graph()
-    x, steps, a = g.inputs(0, 3)
-    runs = 1e-14 * a < abs(x * x - a)
-    return g.tape([runs.select(0.5 * (x + a / x), x), runs.select(steps + 1.0, steps), runs], 3)
 
 
 @pytest.mark.parametrize("lanes", WIDTHS)
