@@ -14,7 +14,7 @@ from itertools import pairwise
 import numpy as np
 
 from closedchain.closure.solve.events import Seen, least, zero
-from closedchain.closure.solve.solution_set import SOLVED, System, settle
+from closedchain.closure.solve.solution_set import SOLVED, SmoothEquations, settle
 from closedchain.closure.solve.stepping import across, at
 
 CROSSING = 1e-4  # of the usual smallest singular value: below it, two branches cross
@@ -26,7 +26,10 @@ ITERATIONS = 6
 
 
 def branch_points(
-    system: System, points: Sequence[np.ndarray], weakest: Sequence[float], flips: Sequence[bool]
+    system: SmoothEquations,
+    points: Sequence[np.ndarray],
+    weakest: Sequence[float],
+    flips: Sequence[bool],
 ) -> tuple[list[np.ndarray], list[int]]:
     """Points of a traced curve with its branch points among them, and the indices of these.
 
@@ -62,7 +65,9 @@ def branch_points(
     return found, crossings
 
 
-def _within(system: System, one: np.ndarray, two: np.ndarray, *, signed: bool) -> np.ndarray | None:
+def _within(
+    system: SmoothEquations, one: np.ndarray, two: np.ndarray, *, signed: bool
+) -> np.ndarray | None:
     """Branch point on the way from one point to another.
 
     ``signed``: the determinant changes sign between them; else the least value is sought, and must
@@ -97,7 +102,7 @@ def _within(system: System, one: np.ndarray, two: np.ndarray, *, signed: bool) -
     return z if abs(value) < CROSSING * here.least else None
 
 
-def leaving(system: System, z: np.ndarray, radius: float) -> list[np.ndarray]:
+def leaving(system: SmoothEquations, z: np.ndarray, radius: float) -> list[np.ndarray]:
     """Points of the solution set about ``radius`` away from a branch point, one for each curve end.
 
     Empty where the null space is not two-dimensional to the accuracy of the point.

@@ -18,7 +18,7 @@ import numpy as np
 
 from closedchain.closure.solve.branching import branch_points
 from closedchain.closure.solve.outcome import Ending
-from closedchain.closure.solve.solution_set import Bound, System, settle
+from closedchain.closure.solve.solution_set import Bound, SmoothEquations, settle
 from closedchain.closure.solve.stepping import Here, at, onward
 
 ARRIVED = 1e-9  # dimensionless: a point nearer to a bound than this lies on it
@@ -53,7 +53,7 @@ class Path:
 
 
 def trace(
-    system: System,
+    system: SmoothEquations,
     start: np.ndarray,
     towards: np.ndarray,
     longest: np.ndarray,
@@ -115,7 +115,7 @@ def _reach(tangent: np.ndarray, longest: np.ndarray) -> float:
     return float((longest / np.maximum(np.abs(tangent), 1e-12)).min())
 
 
-def _closes(system: System, here: Here, begin: Here, h: float) -> bool:
+def _closes(system: SmoothEquations, here: Here, begin: Here, h: float) -> bool:
     """Whether the start lies ahead, within a step, in the sense of the path."""
     if here.tangent @ begin.tangent < 0.5:
         return False

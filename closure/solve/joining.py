@@ -10,7 +10,7 @@ import numpy as np
 
 from closedchain.closure.solve.curve import Path, trace
 from closedchain.closure.solve.outcome import Ending
-from closedchain.closure.solve.solution_set import Bound, System, settle
+from closedchain.closure.solve.solution_set import Bound, SmoothEquations, settle
 
 SAME = 1e-8  # dimensionless: two points nearer than this are one
 CLOSER = 20  # steps along a curve towards a point that may lie on it
@@ -36,7 +36,7 @@ class Joined:
 
 
 def both_ways(
-    system: System,
+    system: SmoothEquations,
     start: np.ndarray,
     towards: np.ndarray,
     longest: np.ndarray,
@@ -51,7 +51,7 @@ def both_ways(
     return joined(system, behind, ahead)
 
 
-def joined(system: System, behind: Path, ahead: Path) -> Joined:
+def joined(system: SmoothEquations, behind: Path, ahead: Path) -> Joined:
     """One curve from two paths that leave the same point; a loop where they meet again.
 
     A loop along which a joint makes a whole turn may meet a limit before it closes, one way or
@@ -80,7 +80,7 @@ def joined(system: System, behind: Path, ahead: Path) -> Joined:
 
 
 def _meeting(
-    system: System, behind: Sequence[np.ndarray], ahead: Sequence[np.ndarray]
+    system: SmoothEquations, behind: Sequence[np.ndarray], ahead: Sequence[np.ndarray]
 ) -> int | None:
     """Index of the first point behind that lies beyond the last one ahead, or None."""
     if len(ahead) < 2:

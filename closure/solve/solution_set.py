@@ -16,7 +16,7 @@ SHARES = (1.0, 0.4, 0.15)  # of a step, until the largest row falls
 SLOPE = 0.1  # share of the way to zero by which it has to
 
 
-class System(Protocol):
+class SmoothEquations(Protocol):
     """Smooth equations whose solutions are traced; points are arrays, steps dimensionless.
 
     ``frame`` is whatever has to be held for the equations to be smooth around a point; None where
@@ -66,7 +66,7 @@ class Bound:
         return self.lower if z[self.index] < self.lower - slack else None
 
 
-def tangents(system: System, z: np.ndarray, tolerance: float = 1e-7) -> np.ndarray:
+def tangents(system: SmoothEquations, z: np.ndarray, tolerance: float = 1e-7) -> np.ndarray:
     """Orthonormal basis (size, dimension) of the solutions' tangent space at a point.
 
     Raises ``numpy.linalg.LinAlgError`` where not even a frame makes the equations regular.
@@ -78,7 +78,7 @@ def tangents(system: System, z: np.ndarray, tolerance: float = 1e-7) -> np.ndarr
 
 
 def settle(
-    system: System,
+    system: SmoothEquations,
     z: np.ndarray,
     held: Sequence[tuple[Bound, float]] = (),
     *,
@@ -130,7 +130,7 @@ def settle(
     return Outcome.one(z, worst, None, Ending.SLOW)
 
 
-def _evaluated(system: System, z: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
+def _evaluated(system: SmoothEquations, z: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
     try:
         return system.evaluate(z, system.frame(z))
     except np.linalg.LinAlgError:

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from closedchain.closure.solve.factors import Factors
-from closedchain.closure.solve.solution_set import RANK, SOLVED, System
+from closedchain.closure.solve.solution_set import RANK, SOLVED, SmoothEquations
 
 TURN = 0.25  # rad: largest change of the tangent in a step
 SMALLEST = 1e-6  # dimensionless step below which the curve counts as ended
@@ -44,7 +44,7 @@ class Here:
     age: int = 0
 
 
-def at(system: System, z: np.ndarray, towards: np.ndarray) -> Here | None:
+def at(system: SmoothEquations, z: np.ndarray, towards: np.ndarray) -> Here | None:
     """Frame, tangent and orientation at a point, from singular vectors.
 
     None where the tangent is not unique, and where not even the frame makes the equations regular.
@@ -69,7 +69,7 @@ def at(system: System, z: np.ndarray, towards: np.ndarray) -> Here | None:
 
 
 def across(
-    system: System, here: Here, z: np.ndarray, h: float
+    system: SmoothEquations, here: Here, z: np.ndarray, h: float
 ) -> tuple[np.ndarray, Factors, float] | None:
     """Newton's method across the tangent of ``here``, or None.
 
@@ -101,7 +101,7 @@ def across(
 
 
 def onward(
-    system: System, here: Here, h: float
+    system: SmoothEquations, here: Here, h: float
 ) -> tuple[tuple[np.ndarray, bool, Here | None] | None, float, float]:
     """One step, as long as it can be up to h; its length, and by how much the next may grow.
 
@@ -127,7 +127,9 @@ def onward(
     return (z, flip, at(system, z, tangent)), h, grow
 
 
-def _step(system: System, here: Here, h: float) -> tuple[np.ndarray, Factors | None, float]:
+def _step(
+    system: SmoothEquations, here: Here, h: float
+) -> tuple[np.ndarray, Factors | None, float]:
     """Point a step of length h further and the factors there, or None; the next step's factor."""
     found = across(system, here, system.move(here.z, h * here.tangent), h)
     if found is None:

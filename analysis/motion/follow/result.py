@@ -12,8 +12,10 @@ import numpy as np
 
 from closedchain.analysis.motion.follow.objectives import Objective
 from closedchain.analysis.motion.follow.problem import Problem
+from closedchain.analysis.motion.follow.rates import joint_rates
 from closedchain.analysis.motion.follow.stepping import Run
 from closedchain.analysis.structure.mobility import generic_rank
+from closedchain.closure.solve.outcome import Ending
 from closedchain.closure.task import goal, goal_rows
 from closedchain.urdf.errors import ClosureError
 
@@ -31,7 +33,8 @@ class Follow:
         Of the samples reached, from the first on [s].
     q : (reached, nq) array
     inputs, input_speeds : (reached, n_inputs) arrays
-        [m or rad] and [m/s or rad/s]; speeds are differences between neighbouring samples.
+        [m or rad] and [m/s or rad/s]; speeds by the velocity equation, the null motion's part by
+        differences between samples.
     sigma_direct, sigma_inverse, sigma_constraint : (reached,) arrays
         Dimensionless singular values that vanish at singularities, as ``cc.classify`` gives them.
     sigma_driven : (reached,) array
@@ -44,6 +47,8 @@ class Follow:
         Every sample was reached within the limits.
     stopped : float or None
         Time at which a sample could not be reached, or a limit not be kept.
+    ending : Ending
+        Why it ended, in a word.
     message : str
     locked : mapping of input to value
         Inputs that were locked [m or rad].
@@ -63,6 +68,7 @@ class Follow:
     task_error: np.ndarray
     converged: bool
     stopped: float | None
+    ending: Ending
     message: str
     locked: dict[str, float]
     objective: str
@@ -181,9 +187,7 @@ def collected(
     times = np.array(problem.times[:reached])
     q = np.array([p.q for p in run.postures]).reshape(reached, m.model.nq)
     inputs = q[:, m.input_q]
-    speeds = np.zeros_like(inputs)
-    if reached > 1:
-        speeds = np.gradient(inputs, times, axis=0)
+    speeds = joint_rates(problem, run.postures)[:, m.input_v]
     measure = np.array([objective.value(problem, p) for p in run.postures])
     if objective.name == "speed":
         measure = -np.linalg.norm(speeds / m.column_scale[m.input_v], axis=1)
@@ -212,6 +216,7 @@ def collected(
         task_error=np.array([gap[1] for gap in gaps]),
         converged=blocked is None,
         stopped=None if blocked is None else blocked.time,
+        ending=Ending.ARRIVED if blocked is None else blocked.ending,
         message=message + note,
         locked=dict(locks),
         objective=objective.name,

@@ -23,6 +23,7 @@ from closedchain.analysis.singularity.classify import SINGULAR
 from closedchain.analysis.singularity.maps.grid import Progress
 from closedchain.closure.continuation import follow as continued
 from closedchain.closure.equations import RESIDUAL_TOLERANCE, Corrected, Equations, correct
+from closedchain.closure.solve.outcome import Ending
 from closedchain.closure.task import faces_away
 
 _SHORTEST = 1e-4  # share of the way between two samples: the shortest step
@@ -37,6 +38,7 @@ class Blocked:
 
     time: float
     message: str
+    ending: Ending
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,7 +100,7 @@ def _steps(
             there = _climb(problem, here, there, i, objective, gain)
         over = excess(problem, there.q, here.q, i)
         if over is not None:
-            yield Blocked(float(problem.times[i + 1]), over_text(problem, over, i))
+            yield over_bound(problem, over, i)
             return
         yield there
         here = there
@@ -112,7 +114,8 @@ def begin(problem: Problem, locks: dict[str, float], start: np.ndarray) -> Postu
     first, last = m.pose(start), problem.pose(0, time)
     looked = posture(problem, start, 0.0, slopes=False)
     if looked.sigmas.driven < SINGULAR:
-        return Blocked(time, f"not to be begun from the start posture: {_dead(problem, looked)}")
+        message = f"not to be begun from the start posture: {_dead(problem, looked)}"
+        return Blocked(time, message, Ending.SINGULAR_START)
 
     def at(q: np.ndarray, t: float) -> tuple[Equations, np.ndarray]:
         pose = last if t == 1.0 else _between(first, last, t)
@@ -122,20 +125,23 @@ def begin(problem: Problem, locks: dict[str, float], start: np.ndarray) -> Postu
 
     opened = correct(*at(start, 0.0))
     if opened.refusal is not None:
-        return Blocked(time, "not to be begun from the start posture: no branch through it")
+        message = "not to be begun from the start posture: no branch through it"
+        return Blocked(time, message, Ending.SINGULAR_START)
     way = continued(at, opened, _SHORTEST, 0.25)
     if way.refusal is not None or way.last.residual > RESIDUAL_TOLERANCE:
         return Blocked(
             time,
             f"the first sample is not reached from the start posture: the way there ends after "
             f"{way.reached:.1%}{_evidence(problem, way.last.q)}",
+            Ending.UNREACHED,
         )
     found = posture(problem, way.last.q, way.last.residual, looked.basis)
     if looked.left.shape[0] == looked.left.shape[1] and found.crossed_from(looked):
-        return Blocked(time, "a direct singularity lies between the start and the first sample")
+        message = "a direct singularity lies between the start and the first sample"
+        return Blocked(time, message, Ending.SINGULARITY)
     over = excess(problem, found.q, None, 0)
     if over is not None and not problem.freedoms:
-        return Blocked(time, over_text(problem, over, None))
+        return over_bound(problem, over, None)
     return found
 
 
@@ -155,16 +161,18 @@ def advance(problem: Problem, here: Posture, i: int) -> Posture | Blocked:
     if way.refusal is not None:
         time = begin_time + way.reached * (end - begin_time)
         what = "the task cannot be followed on"
-        return Blocked(time, f"{what} after t = {time:.6g} s{_evidence(problem, way.last.q)}")
+        message = f"{what} after t = {time:.6g} s{_evidence(problem, way.last.q)}"
+        return Blocked(time, message, Ending.FOLD)
     equations = at(way.last.q, 1.0)[0]
     if any(faces_away(problem.mechanism, way.last.q, g) for g in equations.goals):
-        return Blocked(end, f"the tool would point backwards at t = {end:.6g} s")
+        return Blocked(end, f"the tool would point backwards at t = {end:.6g} s", Ending.REVERSED)
     there = posture(problem, way.last.q, way.last.residual, here.basis)
     if there.crossed_from(here):
         return Blocked(
             begin_time,
             f"the task meets a direct singularity between t = {begin_time:.6g} s and {end:.6g} s "
             f"(singular value {here.sigmas.direct:.3g} before, {there.sigmas.direct:.3g} after)",
+            Ending.SINGULARITY,
         )
     return there
 
@@ -279,16 +287,18 @@ def _evidence(problem: Problem, q: np.ndarray) -> str:
     return f" (singular values: direct {sigmas.direct:.3g}, inverse {sigmas.driven:.3g})"
 
 
-def over_text(problem: Problem, over: Excess, i: int | None) -> str:
+def over_bound(problem: Problem, over: Excess, i: int | None) -> Blocked:
     """Say which bound is passed at sample i + 1, or at the first one."""
-    at = problem.times[0 if i is None else i + 1]
+    at = float(problem.times[0 if i is None else i + 1])
     unit = "rad" if over.angle else "m"
     if over.speed:
-        return (
+        message = (
             f"the speed limit of {over.name} cannot be kept up to t = {at:.6g} s: it would take "
             f"{over.value:.6g} {unit}/s, allowed {over.limit:.6g}"
         )
-    return (
+        return Blocked(at, message, Ending.SPEED)
+    message = (
         f"{over.name} would leave its limits at t = {at:.6g} s: {over.value:.6g} {unit}, "
         f"allowed {over.limit:.6g}"
     )
+    return Blocked(at, message, Ending.LIMIT)

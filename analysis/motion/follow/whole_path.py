@@ -19,7 +19,7 @@ from closedchain.analysis.motion.follow.objectives import InputSpeed, Objective
 from closedchain.analysis.motion.follow.postures import Posture
 from closedchain.analysis.motion.follow.problem import Problem
 from closedchain.analysis.motion.follow.programme import BEND, MEAN, PENALTY, programme
-from closedchain.analysis.motion.follow.stepping import Blocked, Run, corrected, over_text, run
+from closedchain.analysis.motion.follow.stepping import Run, corrected, over_bound, run
 from closedchain.analysis.singularity.maps.grid import Progress
 
 _RADIUS, _LARGEST_RADIUS, _SMALLEST_RADIUS = 0.1, 0.4, 1e-3
@@ -144,10 +144,7 @@ def _checked(problem: Problem, found: Run) -> Run:
     for i, p in enumerate(found.postures):
         over = excess(problem, p.q, before, max(i - 1, 0))
         if over is not None:
-            blocked = Blocked(
-                float(problem.times[i]), over_text(problem, over, i - 1 if i else None)
-            )
-            return Run(found.postures[:i], blocked)
+            return Run(found.postures[:i], over_bound(problem, over, i - 1 if i else None))
         before = p.q
     return found
 
