@@ -153,7 +153,8 @@ def test_every_member_closes_has_six_freedoms_and_a_regular_home(coupler: str) -
         home = cc.classify(m, m.home)
         # as for D1, the vertical tool loses the rotation about the base normal, whatever the legs
         assert home.kinds == {"inverse"}, what
-        assert home.sigma_direct > 0.05, what  # 0.22 for D1
+        # input rates for joint rates of size 1, all joints counted: 0.137 for D1
+        assert home.sigma_direct > 0.045, what
         assert_close(np.abs(home.lost_twists[:, 0]), [0, 0, 0, 0, 1, 0], 1e-10, what)
 
 
