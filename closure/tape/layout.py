@@ -40,11 +40,19 @@ def step(x: Array) -> int:
     return x.strides[0] // 8
 
 
-def at(address: int, count: int, n: int, step: int) -> Array:
+def address(x: Any) -> int:
+    """Address of the first number of an array; it holds while the array is kept."""
+    try:
+        return ctypes.addressof(ctypes.c_char.from_buffer(x))  # three times as quick as the other
+    except (TypeError, ValueError):  # empty, read-only or with gaps
+        return int(x.ctypes.data)
+
+
+def at(begin: int, count: int, n: int, step: int) -> Array:
     """Return the array (count, n) at an address, its rows ``step`` numbers apart."""
     if not count or not n:
         return np.empty((count, n))
     if step < 0:
-        return at(address + 8 * (count - 1) * step, count, n, -step)[::-1]
-    flat = (ctypes.c_double * ((count - 1) * step + n)).from_address(address)
+        return at(begin + 8 * (count - 1) * step, count, n, -step)[::-1]
+    flat = (ctypes.c_double * ((count - 1) * step + n)).from_address(begin)
     return np.lib.stride_tricks.as_strided(np.ctypeslib.as_array(flat), (count, n), (8 * step, 8))

@@ -20,7 +20,7 @@ import numpy as np
 from closedchain.closure.tape import cache, drivers, interpreter, native
 from closedchain.closure.tape.codegen import body
 from closedchain.closure.tape.expression import Tape
-from closedchain.closure.tape.layout import Array, in_place, matching, step
+from closedchain.closure.tape.layout import Array, address, in_place, matching, step
 from closedchain.closure.tape.lowering import lowered, truth_values
 
 PIECE = 4000
@@ -110,7 +110,7 @@ class Compiled:
         in_place(out, self.outputs, "out")
         if out.shape[1] != n:
             raise ValueError(f"x holds {n} postures and out {out.shape[1]}")
-        return [x.ctypes.data, out.ctypes.data, n, step(x), step(out)]
+        return [address(x), address(out), n, step(x), step(out)]
 
 
 @dataclass(frozen=True)
@@ -151,7 +151,7 @@ class Looped:
         in_place(state, self.states, "state")
         if state.shape[1] != n:
             raise ValueError(f"parameters hold {n} postures and state {state.shape[1]}")
-        places = [state.ctypes.data, parameters.ctypes.data]
+        places = [address(state), address(parameters)]
         return [*places, n, step(state), step(parameters), int(most)]
 
 

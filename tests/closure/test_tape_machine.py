@@ -92,6 +92,14 @@ def test_arrays_of_other_layouts() -> None:
     whole = code.run(x)
     assert same_bits(code.run(np.asfortranarray(x)), whole)
     assert same_bits(code.run(x[:, ::3]), np.ascontiguousarray(whole[:, ::3]))
+    fixed = x.copy()
+    fixed.flags.writeable = False
+    assert same_bits(code.run(fixed), whole)
+    assert same_bits(code.run(x[:, ::-1]), np.ascontiguousarray(whole[:, ::-1]))
+    assert same_bits(code.run(x[::-1][::-1]), whole)
+    flipped = np.zeros((2 * code.outputs, 30))[::-2]
+    code.run_into(x, flipped)
+    assert same_bits(np.ascontiguousarray(flipped), whole)
     out = np.zeros((code.outputs, 40))
     code.run_into(x[:, 5:20], out[:, 10:25])
     assert same_bits(out[:, 10:25].copy(), whole[:, 5:20].copy())
