@@ -229,6 +229,11 @@ class JointKind:
         """Whether frame 2 may turn about any axis: a ball."""
         return set(_BALL) <= set(self.screws)
 
+    @property
+    def is_rod(self) -> bool:
+        """Whether a rod between the two origins stands for it, which is no body."""
+        return any(screw.pair == "N" for screw in self.screws)
+
     def twists(self, p: Vector, r: Matrix) -> list[Twist]:
         """Twists (v2, w) of the free screws for unit rates, at a closed gap of numbers."""
         return [screw.twist(p, r) for screw in self.screws]

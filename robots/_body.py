@@ -152,24 +152,29 @@ def _sticks(
     spots = {name: frame_point(mechanism, name) for name in mechanism.frame_ids}
     dressed = set() if visuals is None else {o.parentJoint for o in visuals.geometryObjects} - {0}
     joints = [j for j in mechanism.description.joints if j.type != "floating"]
-    sticks = [(j.parent, spots[j.child]) for j in joints]
+    sticks = [(spots[j.parent], spots[j.child]) for j in joints]
+    rods: list[tuple[Fixed, Fixed]] = []
     closed: list[Fixed] = []
     for closure in mechanism.closures:
         if isinstance(closure, Closure):
             ends = _closure_points(closure)
             closed += ends
-            sticks += zip((closure.parent, closure.child), ends, strict=True)
+            own = spots[closure.parent], spots[closure.child]
+            sticks += zip(own, ends, strict=True)
+            if closure.joint_kind.is_rod:
+                rods.append((ends[0], ends[1]))
     every = np.stack([in_world(poses, p) for p in (*spots.values(), *closed)], axis=1)
     radius = 0.5 * float(np.linalg.norm(np.ptp(every.reshape(-1, 3), axis=0))) or mechanism.length
     width = radius * (0.011 if visuals is None else 0.005)
     material = shapes.MeshLambertMaterial(color=_STICK)
     parts: list[Part | Stick] = []
-    for i, (link, end) in enumerate(sticks):
-        begin = spots[link]
+    # a rod is no body: whatever its ends are on, it is drawn
+    sticks = [stick for stick in sticks if stick[0][0] not in dressed] + rods
+    for i, (begin, end) in enumerate(sticks):
         begins, ends_ = in_world(poses, begin), in_world(poses, end)
         # a prismatic joint lengthens its stick from posture to posture
         longest = float(np.linalg.norm(ends_ - begins, axis=1).max())
-        if longest > 1e-6 * radius and begin[0] not in dressed:
+        if longest > 1e-6 * radius:
             node = view["sticks"][str(i)]
             node.set_object(shapes.Cylinder(longest, width), material)
             node.set_transform(_along(begins[0], ends_[0], longest))

@@ -171,6 +171,8 @@ def _text(
         f"Rank: the {mechanism.rows} closure rows have generic {rank} over {generic.samples} "
         f"closed postures; nv - r = {mechanism.model.nv} - {rank.value} = {degrees}.",
     ]
+    if any(BY_SYMBOL[symbol].is_rod for symbol in counts):
+        lines.append("SS is a rod between two balls that has no spin of its own and is no link.")
     redundant = mechanism.rows - rank.value
     if redundant:
         lines.append(f"{redundant} closure rows are redundant and consistent (overconstrained).")
