@@ -94,7 +94,8 @@ def test_x_c1_zero_is_regular_in_the_whole_mechanism(m: cc.Mechanism) -> None:
         if real.all():
             found = cc.classify(m, configuration(m, q, theta))
             assert found.kinds == frozenset()
-            assert found.sigma_direct > 1e-2
+            # of joint rates of size 1, all joints counted: 0.0154 at home
+            assert found.sigma_direct > 5e-3
             regular += 1
     assert regular > 30
 
@@ -109,8 +110,8 @@ SETS: dict[str, tuple[Callable[[], list[Posture]], set[str]]] = {
     "s1": (lambda: postures.on_aligned(1, 25), {"inverse"}),
     "s2": (lambda: postures.on_aligned(2, 25), {"inverse"}),
     "s3": (lambda: postures.on_aligned(3, 25), {"inverse"}),
-    # rank K drops, and with it all that is counted from the generic rank
-    "drop": (lambda: postures.on_level_rods(25), {"constraint", "direct", "inverse"}),
+    # rank K drops: link 3' turns about y with the inputs locked, and no output is lost
+    "drop": (lambda: postures.on_level_rods(25), {"constraint", "direct"}),
 }
 
 
