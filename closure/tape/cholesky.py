@@ -13,6 +13,8 @@ from closedchain.closure.tape.expression import Expr, Graph, total
 
 Sparse = dict[int, Expr]
 
+CHAINS = 3
+
 
 @dataclass(frozen=True, eq=False)
 class Cholesky:
@@ -47,15 +49,37 @@ class Cholesky:
     def solve(self, right: Sequence[Expr]) -> list[Expr]:
         """x with A x = right."""
         x = list(right)
+        above: list[list[tuple[Expr, int]]] = [[] for _ in x]
         for row, multipliers in zip(self.order, self.lower, strict=True):
+            x[row] = less(x[row], [factor * x[other] for factor, other in above[row]])
             for below, factor in multipliers.items():
-                x[below] = x[below] - factor * x[row]
+                above[below].append((factor, row))
         for row, inverse in zip(self.order, self.inverses, strict=True):
             x[row] = x[row] * inverse
+        place = {row: k for k, row in enumerate(self.order)}
         for row, multipliers in zip(reversed(self.order), reversed(self.lower), strict=True):
-            for below, factor in multipliers.items():
-                x[row] = x[row] - factor * x[below]
+            later = sorted(multipliers, key=place.__getitem__, reverse=True)
+            x[row] = less(x[row], [multipliers[other] * x[other] for other in later])
         return x
+
+
+def less(value: Expr, terms: Sequence[Expr]) -> Expr:
+    """``value`` less all terms, in several sums side by side; the terms known last come last.
+
+    A processor need not wait for one addition to begin the next.
+    """
+    early, late = terms[: -2 or None], terms[-2:]
+    if len(terms) > 6:
+        parts = [early[k::CHAINS] for k in range(CHAINS)]
+        sums = [value.graph.lift(total(part)) for part in parts[1:]]
+        for term in parts[0]:
+            value = value - term
+        value = value - (sums[0] + sums[1])
+    else:
+        late = terms
+    for term in late:
+        value = value - term
+    return value
 
 
 def cholesky(graph: Graph, matrix: dict[int, Sparse]) -> Cholesky:

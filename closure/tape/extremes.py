@@ -45,20 +45,20 @@ class Bidiagonal:
         return self.graph.lift(total([*self.diagonal, *self.beside]))
 
     def slopes(self, x: Expr) -> Slopes:
-        """Derivatives at x, by the stationary qd transform."""
+        """Derivatives at x, by the stationary qd transform, cleared of its divisions."""
         g = self.graph
-        t, t1, t2 = -x, g.constant(-1.0), g.constant(0.0)
-        first, second = g.constant(0.0), g.constant(0.0)
+        one, zero = g.constant(1.0), g.constant(0.0)
+        p, u = (one, zero, zero), (-x, -one, zero)
         for i, q in enumerate(self.diagonal):
-            inverse = (q + t).recip()
-            u1, u2 = t1 * inverse, t2 * inverse
-            first = first + u1
-            second = second + (u1 * u1 - u2)
+            p = (q * p[0] + u[0], q * p[1] + u[1], q * p[2] + u[2])
             if i + 1 < self.size:
-                e = self.beside[i] * inverse
-                qe = q * e
-                t, t1, t2 = t * e - x, qe * u1 - 1.0, qe * (u2 - 2.0 * (u1 * u1))
-        return Slopes(first, second)
+                e = self.beside[i]
+                u = (
+                    e * u[0] - x * p[0],
+                    (e * u[1] - p[0]) - x * p[1],
+                    (e * u[2] - 2.0 * p[1]) - x * p[2],
+                )
+        return logarithmic(*p)
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,38 +75,44 @@ class Tridiagonal:
         return len(self.diagonal)
 
     def slopes(self, x: Expr) -> Slopes:
-        """Derivatives at x."""
+        """Derivatives at x, by the recurrence of the leading minors."""
         g = self.graph
-        first, second = g.constant(0.0), g.constant(0.0)
-        d1, d2 = g.constant(-1.0), g.constant(0.0)
-        d = self.diagonal[0] - x
-        for i in range(self.size):
-            inverse = d.recip()
-            u1, u2 = d1 * inverse, d2 * inverse
-            first = first + u1
-            second = second + (u1 * u1 - u2)
-            if i + 1 < self.size:
-                e = self.beside[i] * inverse
-                share = e * inverse
-                d = (self.diagonal[i + 1] - x) - e
-                d1, d2 = share * d1 - 1.0, e * (u2 - 2.0 * (u1 * u1))
-        return Slopes(first, second)
+        one, zero = g.constant(1.0), g.constant(0.0)
+        before, p = (zero, zero, zero), (one, zero, zero)
+        for i, entry in enumerate(self.diagonal):
+            a = entry - x
+            new = (a * p[0], a * p[1] - p[0], a * p[2] - 2.0 * p[1])
+            if i:
+                e = self.beside[i - 1]
+                new = (new[0] - e * before[0], new[1] - e * before[1], new[2] - e * before[2])
+            before, p = p, new
+        return logarithmic(*p)
 
     def spread(self, x: Expr) -> Expr:
         """|y|^2 of the eigenvector at an eigenvalue x, its last entry being 1.
 
-        For eigenvectors that grow from their last entry to their first.
+        For eigenvectors that grow from their last entry to their first. Entries before one that
+        nothing couples to the last are left out.
         """
         g = self.graph
-        pivots = [self.diagonal[-1] - x]
+        before, q = g.constant(0.0), g.constant(1.0)
+        above, below = g.constant(1.0), g.constant(1.0)
+        coupled = g.constant(0.0) < 1.0
         for i in reversed(range(self.size - 1)):
-            pivots.append((self.diagonal[i] - x) - self.beside[i] * pivots[-1].recip())
-        size = g.constant(1.0)
-        for pivot, square in zip(reversed(pivots[:-1]), self.beside, strict=True):
-            coupled = square > 0.0
-            ratio = pivot * pivot * coupled.select(square, 1.0).recip()
-            size = 1.0 + coupled.select(ratio * size, 0.0)
-        return size
+            e = self.beside[i]
+            last = self.beside[i + 1] if i + 2 < self.size else g.constant(0.0)
+            before, q = q, (self.diagonal[i + 1] - x) * q - last * before
+            coupled = coupled & (e > 0.0)
+            above = coupled.select(above * e + q * q, above)
+            below = coupled.select(below * e, below)
+        return above * below.recip()
+
+
+def logarithmic(value: Expr, slope: Expr, bend: Expr) -> Slopes:
+    """Logarithmic derivatives from a value and its first and second derivative."""
+    inverse = value.recip()
+    first = slope * inverse
+    return Slopes(first, first * first - bend * inverse)
 
 
 def step(x: Expr, slopes: Slopes, count: int, upward: bool) -> tuple[Expr, Expr]:

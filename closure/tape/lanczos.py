@@ -58,18 +58,19 @@ class Lanczos:
         """What goes in as parameters."""
         return self.matrix.numbers() + ([] if self.weight is None else self.weight.numbers())
 
-    def start(self, vectors: np.ndarray) -> np.ndarray:
-        """State (states, n) to begin with: from z (r, n), and v (r, n) below where it is another.
+    def begin(self, state: np.ndarray, z: np.ndarray, v: np.ndarray) -> None:
+        """Make a state (states, n) one to begin with: from z (r,), and v (r, n) where it differs.
 
         z v must be positive; it need not be 1.
         """
-        r, n = self.size, vectors.shape[1]
-        state = np.zeros((self.states, n))
-        state[:r] = vectors[:r]
-        state[2 * r : self.vectors * r] = vectors[r:]
-        last = (self.vectors - 1) * r if self.weight is not None else 0
-        state[self.vectors * r] = (state[:r] * state[last : last + r]).sum(axis=0)
-        return state
+        r = self.size
+        state[:] = 0.0
+        state[:r] = z[:, None]
+        if self.weight is None:
+            state[2 * r] = z @ z
+        else:
+            state[2 * r : 3 * r] = v
+            state[3 * r] = (z[:, None] * v).sum(axis=0)
 
     def found(self, state: Sequence[object]) -> tuple[Sequence[object], Sequence[object]]:
         """Diagonal, and squares beside it with the last one pending, of a state or its rows."""

@@ -13,10 +13,11 @@ from functools import cached_property
 import numpy as np
 
 from closedchain.analysis.singularity.bulk.plan import FirstOrderTape
+from closedchain.analysis.singularity.bulk.values import ritz_code
 from closedchain.closure.tape.cholesky import Cholesky, cholesky, gram
 from closedchain.closure.tape.expression import Expr, total
 from closedchain.closure.tape.lanczos import Lanczos
-from closedchain.closure.tape.machine import Looped
+from closedchain.closure.tape.machine import Compiled, Looped
 from closedchain.closure.tape.numbers import evaluate
 
 ACCURATE = 1e-9
@@ -25,7 +26,6 @@ ACCURATE = 1e-9
 SQUARED = 1e-6
 """Smallest share of the trace of A that its smallest eigenvalue may be: it keeps ten digits."""
 
-MORE = 4  # steps beyond what the samples need, for postures that need more
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,8 +77,13 @@ class Constraint:
 
     @cached_property
     def lanczos(self) -> Lanczos:
-        """The method, remembering as many steps as the samples need and some more."""
-        return Lanczos(self.factors, self.weights, self.first + MORE)
+        """The method, remembering its steps."""
+        return Lanczos(self.factors, self.weights, self.steps)
+
+    @cached_property
+    def parameters(self) -> int:
+        """Numbers of the factors."""
+        return len(self.lanczos.numbers())
 
     @cached_property
     def loop(self) -> Looped:
@@ -111,10 +116,15 @@ class Constraint:
         return np.asarray(found / np.linalg.norm(found))
 
     @cached_property
-    def first(self) -> int:
+    def steps(self) -> int:
         """Steps that suffice at all samples, and one more."""
         needed = [steps_needed(a, w, self.begin) for a, w in zip(*self.sampled, strict=True)]
         return min(max(needed) + 1, len(self.begin))
+
+    @cached_property
+    def spread(self) -> Compiled:
+        """Squared size (1, n) of a Ritz vector from its value and the tridiagonal matrix."""
+        return ritz_code(self.steps)
 
 
 def steps_needed(inverse: np.ndarray, weight: np.ndarray, z: np.ndarray) -> int:

@@ -18,6 +18,7 @@ from closedchain.analysis.singularity.bulk.values import Search, SmallMatrices, 
 from closedchain.closure.tape.expression import Expr, Graph
 from closedchain.closure.tape.machine import Compiled, compiled
 
+
 @dataclass(frozen=True, eq=False)
 class Numbers:
     """Outputs of a tape by name: rows of its result."""

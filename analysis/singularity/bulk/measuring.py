@@ -8,23 +8,25 @@ whatever its neighbours are.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from closedchain.analysis.first_order import OPEN
-from closedchain.analysis.singularity.bulk.machine import MeasuresCode
+from closedchain.analysis.singularity.bulk.machine import MeasuresCode, Numbers
 from closedchain.analysis.singularity.bulk.plan import Plan, planned
-from closedchain.analysis.singularity.bulk.singular import Found, singular_values
+from closedchain.analysis.singularity.bulk.singular import Found, Workspace
 from closedchain.analysis.singularity.maps.measures import measures_at
 from closedchain.closure.mechanism import Mechanism
 
 DETERMINANTS = ("residual", "det_direct", "det_inverse")
 PIVOT = 1e-5  # dimensionless: digits are lost in proportion to the smallest pivot
 LARGE = 1e4  # of motions for unit input rates: they lose as many digits of the others
-CHUNK = 256  # postures at once: what is passed between the parts stays in the cache
+CHUNK = 248
+"""Postures at once: what is passed between the parts stays in the cache, and rows do not begin at
+multiples of a power of two, which would share a few places of it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,6 +41,7 @@ class BulkMeasures:
 
     mechanism: Mechanism
     outputs: tuple[str, ...]
+    _spare: list[Workspace] = field(init=False, default_factory=list, repr=False)
 
     @cached_property
     def plan(self) -> Plan | None:
@@ -69,34 +72,54 @@ class BulkMeasures:
         postures = np.asarray(postures, dtype=np.float64)
         if self.plan is None or not len(postures):
             return measures_at(self.mechanism, postures, self.outputs)
-        parts = [
-            self._chunk(postures[begin : begin + CHUNK], full)
-            for begin in range(0, len(postures), CHUNK)
-        ]
+        parts = []
+        memory = self._borrowed() if full else None
+        for begin in range(0, len(postures), CHUNK):
+            part = postures[begin : begin + CHUNK]
+            found, good = self._determinants(part) if memory is None else measured(memory, part)
+            doubtful = np.flatnonzero(~good)
+            if doubtful.size:
+                exact = measures_at(self.mechanism, part[doubtful], self.outputs)
+                for name, values in found.items():
+                    values[doubtful] = exact[name]
+            parts.append(found)
+        if memory is not None:
+            self._spare.append(memory)
         return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
-    def _chunk(self, postures: np.ndarray, full: bool) -> Found:
-        x = np.ascontiguousarray(postures.T)
-        numbers = (self._code.everything if full else self._code.determinants).run(x)
-        names = [name for name in DETERMINANTS if name in numbers.begins]
-        found = {name: numbers.one(name) for name in names}
-        good = numbers.one("residual") <= OPEN
-        good &= (numbers.one("least") > PIVOT) & (numbers.one("large") < LARGE)
-        if full:
-            singular = singular_values(self._code, numbers)
-            found |= singular.found
-            good &= singular.settled & (numbers.one("size") < LARGE**2)
-        doubtful = np.flatnonzero(~good)
-        if doubtful.size:
-            exact = measures_at(self.mechanism, postures[doubtful], self.outputs)
-            for name, values in found.items():
-                values[doubtful] = exact[name]
-        return found
+    def _determinants(self, postures: np.ndarray) -> tuple[Found, np.ndarray]:
+        numbers = self._code.determinants.run(np.ascontiguousarray(postures.T))
+        return determinants(numbers)
 
     @cached_property
     def _code(self) -> MeasuresCode:
         assert self.plan is not None
         return MeasuresCode(self.plan)
+
+    def _borrowed(self) -> Workspace:
+        """Memory that no other call is using."""
+        try:
+            return self._spare.pop()
+        except IndexError:
+            return Workspace.of(self._code, CHUNK)
+
+
+def determinants(numbers: Numbers) -> tuple[Found, np.ndarray]:
+    """Residual and determinants, and which postures' can be trusted."""
+    names = [name for name in DETERMINANTS if name in numbers.begins]
+    found = {name: numbers.one(name).copy() for name in names}
+    good = numbers.one("residual") <= OPEN
+    good &= (numbers.one("least") > PIVOT) & (numbers.one("large") < LARGE)
+    return found, good
+
+
+def measured(memory: Workspace, postures: np.ndarray) -> tuple[Found, np.ndarray]:
+    """All measures, and which postures' can be trusted."""
+    at = memory.evaluated(postures)
+    found, good = determinants(at.numbers)
+    singular = at.singular()
+    good &= singular.settled & (at.numbers.one("size") < LARGE**2)
+    return found | singular.found, good
 
 
 _MADE: WeakKeyDictionary[Mechanism, dict[tuple[str, ...], BulkMeasures]] = WeakKeyDictionary()

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from closedchain.analysis.singularity.bulk.constraint import ACCURATE, MORE, SQUARED, Constraint
+from closedchain.analysis.singularity.bulk.constraint import ACCURATE, SQUARED
 from closedchain.analysis.singularity.bulk.machine import MeasuresCode, Numbers
-from closedchain.analysis.singularity.bulk.values import SEARCHES, Search
+from closedchain.analysis.singularity.bulk.values import SEARCHES
 from closedchain.analysis.singularity.rank_loss import (
     ClosedMotions,
     condition,
@@ -30,106 +30,113 @@ class Singular:
     settled: np.ndarray
 
 
-def singular_values(code: MeasuresCode, numbers: Numbers) -> Singular:
-    """Sigmas and condition of n postures."""
-    n = numbers.rows.shape[1]
-    krylov = None if code.constraint is None else Krylov.after(code.constraint, numbers)
-    values = searched(code, numbers, krylov)
-    found = small_values(code, values) if code.regular else from_matrices(code, numbers)
-    if krylov is None:
-        return Singular(found | {"sigma_constraint": np.ones(n)}, np.ones(n, dtype=bool))
-    value = values[-1]
-    settled = krylov.settled(value, code.search)
-    again = np.flatnonzero(~settled & np.isfinite(value))
-    if again.size:
-        further = krylov.further(again)
-        value[again] = ritz_values(code, further)
-        settled[again] = further.settled(value[again], code.search)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        found["sigma_constraint"] = 1.0 / np.sqrt(value)
-        settled &= value * krylov.trace < 1.0 / SQUARED
-    return Singular(found, settled)
-
-
 @dataclass(frozen=True, eq=False)
-class Krylov:
-    """Lanczos' method for sigma_constraint of n postures, some steps on.
+class Workspace:
+    """Memory for ``count`` postures at once; one call uses it at a time.
 
     Attributes
     ----------
-    trace : (n,) array
-        Of A.
-    factors : (.., n) array
-    state : (.., n) array
+    x, rows : (.., count) arrays
+        Inputs and outputs of the tape of all measures.
+    krylov : (.., count) array
+        State of Lanczos' method.
+    given, sought : (.., count) arrays
+        Parameters and state of the search for eigenvalues.
     """
 
-    constraint: Constraint
-    trace: np.ndarray
-    factors: np.ndarray
-    state: np.ndarray
+    code: MeasuresCode
+    count: int
+    x: np.ndarray
+    rows: np.ndarray
+    krylov: np.ndarray
+    given: np.ndarray
+    sought: np.ndarray
 
     @classmethod
-    def after(cls, constraint: Constraint, numbers: Numbers) -> Krylov:
-        """After the steps that the samples needed."""
-        given = numbers["constraint"]
-        count = len(constraint.lanczos.numbers())
-        z = np.repeat(constraint.begin[:, None], given.shape[1], axis=1)
-        state = constraint.lanczos.start(np.vstack([z, given[1 + count :]]))
-        constraint.loop.run(state, given[1 : 1 + count], constraint.first)
-        return cls(constraint, given[0], given[1 : 1 + count], state)
+    def of(cls, code: MeasuresCode, count: int) -> Workspace:
+        """Memory for a mechanism's code."""
+        search, constraint = code.search, code.constraint
+        sizes = [
+            code.inputs,
+            code.everything.code.outputs,
+            0 if constraint is None else constraint.lanczos.states,
+            search.loop.parameters if search.searches else 0,
+            search.states,
+        ]
+        return cls(code, count, *(np.zeros((size, count)) for size in sizes))
 
-    def further(self, which: np.ndarray) -> Krylov:
-        """Some of the postures, some steps further."""
-        state = np.ascontiguousarray(self.state[:, which])
-        factors = np.ascontiguousarray(self.factors[:, which])
-        self.constraint.loop.run(state, factors, MORE)
-        return Krylov(self.constraint, self.trace[which], factors, state)
+    def evaluated(self, postures: np.ndarray) -> Evaluated:
+        """All numbers of postures (n, nq), n at most ``count``, as views into this memory."""
+        n = len(postures)
+        parts = (self.x, self.rows, self.krylov, self.given, self.sought)
+        x, rows, krylov, given, sought = (part[:, :n] for part in parts)
+        x[:] = postures.T
+        self.code.everything.code.run_into(x, rows)
+        return Evaluated(self.code, Numbers(self.code.everything.begins, rows), krylov, given, sought)
+
+
+@dataclass(frozen=True, eq=False)
+class Evaluated:
+    """A workspace's memory for n postures, with the tape's numbers in it."""
+
+    code: MeasuresCode
+    numbers: Numbers
+    krylov: np.ndarray
+    given: np.ndarray
+    sought: np.ndarray
+
+    def singular(self) -> Singular:
+        """Sigmas and condition."""
+        self._iterate()
+        self._search()
+        values = self.sought[: self.code.search.searches]
+        numbers, n = self.numbers, self.numbers.rows.shape[1]
+        found = small_values(self.code, values) if self.code.regular else from_matrices(self)
+        constraint = self.code.constraint
+        if constraint is None:
+            return Singular(found | {"sigma_constraint": np.ones(n)}, np.ones(n, dtype=bool))
+        value, trace = values[-1], numbers.one("constraint")
+        size = constraint.spread.run(np.vstack([value, self.given[-self._ritz :]]))[0]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            settled = np.sqrt(self.krylov[-1] / size) < ACCURATE * value
+            settled &= value * trace < 1.0 / SQUARED
+            found["sigma_constraint"] = 1.0 / np.sqrt(value)
+        return Singular(found, settled)
 
     @property
-    def tridiagonal(self) -> np.ndarray:
-        """Diagonal and squares beside it, (2 steps - 1, n)."""
-        return self.state[-2 * self.constraint.lanczos.steps : -1]
+    def _ritz(self) -> int:
+        """Entries of Lanczos' tridiagonal matrix."""
+        return max(0, 2 * self.code.search.steps - 1)
 
-    def settled(self, value: np.ndarray, search: Search) -> np.ndarray:
-        """Whether a Ritz value is near enough to an eigenvalue, (n,) of bool."""
-        spread = search.spread.run(np.vstack([value, self.tridiagonal]))[0]
-        with np.errstate(invalid="ignore", divide="ignore"):
-            near = np.sqrt(self.state[-1] / spread) < ACCURATE * value
-        return np.asarray(near & np.isfinite(value))
+    def _iterate(self) -> None:
+        """Lanczos' steps."""
+        constraint = self.code.constraint
+        if constraint is None:
+            return
+        given = self.numbers["constraint"]
+        count = constraint.parameters
+        constraint.lanczos.begin(self.krylov, constraint.begin, given[1 + count :])
+        constraint.loop.run(self.krylov, given[1 : 1 + count], constraint.steps)
 
-
-def searched(code: MeasuresCode, numbers: Numbers, krylov: Krylov | None) -> np.ndarray:
-    """Values (searches, n) of all searches."""
-    search, n = code.search, numbers.rows.shape[1]
-    count = search.searches
-    state = np.zeros((search.states, n))
-    if not count:
-        return state
-    state[count:] = 1.0
-    parameters = []
-    if code.regular:
-        parameters.append(numbers["forms"])
-        ends = np.cumsum([2 * size - 1 for size in search.sizes])
-        if search.inverted:
-            state[0] = parameters[0][: ends[0]].sum(axis=0) * ABOVE
-        state[3] = parameters[0][ends[1] :].sum(axis=0) * ABOVE
-    if krylov is not None:
-        parameters.append(krylov.tridiagonal)
-        state[count - 1] = krylov.tridiagonal[: search.steps].sum(axis=0) * ABOVE
-    search.loop.run(state, np.vstack(parameters), TICKS)
-    return state[:count]
-
-
-def ritz_values(code: MeasuresCode, krylov: Krylov) -> np.ndarray:
-    """Ritz values (n,) alone."""
-    search, n = code.search, krylov.state.shape[1]
-    count = search.searches
-    state = np.zeros((search.states, n))
-    state[-1] = 1.0
-    state[count - 1] = krylov.tridiagonal[: search.steps].sum(axis=0) * ABOVE
-    others = np.zeros((search.loop.parameters - len(krylov.tridiagonal), n))
-    search.loop.run(state, np.vstack([others, krylov.tridiagonal]), TICKS)
-    return np.asarray(state[count - 1])
+    def _search(self) -> None:
+        """Search for all eigenvalues from where they are sure to be beyond."""
+        search, count = self.code.search, self.code.search.searches
+        if not count:
+            return
+        state, forms, ritz = self.sought, 0, self._ritz
+        state[:count] = 0.0
+        state[count:] = 1.0
+        if self.code.regular:
+            forms = len(self.numbers["forms"])
+            self.given[:forms] = self.numbers["forms"]
+            ends = np.cumsum([2 * size - 1 for size in search.sizes])
+            if search.inverted:
+                state[0] = self.given[: ends[0]].sum(axis=0) * ABOVE
+            state[3] = self.given[ends[1] : ends[2]].sum(axis=0) * ABOVE
+        if ritz:
+            self.given[forms:] = self.krylov[-ritz - 1 : -1]
+            state[count - 1] = self.given[forms : forms + search.steps].sum(axis=0) * ABOVE
+        search.loop.run(state, self.given, TICKS)
 
 
 def small_values(code: MeasuresCode, values: np.ndarray) -> Found:
@@ -143,9 +150,10 @@ def small_values(code: MeasuresCode, values: np.ndarray) -> Found:
         }
 
 
-def from_matrices(code: MeasuresCode, numbers: Numbers) -> Found:
+def from_matrices(at: Evaluated) -> Found:
     """Measures on the closed motions from A and T, by LAPACK."""
-    plan, n = code.plan, numbers.rows.shape[1]
+    plan, numbers = at.code.plan, at.numbers
+    n = numbers.rows.shape[1]
 
     def matrix(name: str, rows: int) -> np.ndarray:
         entries = numbers[name].T.reshape(n, rows, plan.motions)

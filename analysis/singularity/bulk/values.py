@@ -100,11 +100,6 @@ class Search:
     inverted: bool
     steps: int
 
-    @cached_property
-    def spread(self) -> Compiled:
-        """Squared size (1, n) of a Ritz vector from its value and the tridiagonal matrix."""
-        return ritz_code(self.steps)
-
     @property
     def searches(self) -> int:
         """How many values are sought."""
