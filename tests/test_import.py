@@ -11,7 +11,7 @@ import pytest
 import closedchain as cc
 
 ROOT = Path(__file__).resolve().parents[1]
-HEAVY = ("meshcat", "matplotlib", "xacro", "typer", "xarray", "numba", "scipy.optimize")
+HEAVY = ("meshcat", "matplotlib", "xacro", "typer", "xarray", "numba", "llvmlite", "scipy.optimize")
 ALLOWED = {
     "urdf": {"urdf"},
     "closure": {"urdf", "closure"},

@@ -45,15 +45,12 @@ class Kernel:
         Whether it is machine code; tapes of more than ``LIMIT`` operations are run by numpy.
     packed : object
         Machine code that takes the address of its arguments instead.
-    code : object
-        Keeps the machine code in memory.
     """
 
     call: Callable[..., None] = field(repr=False)
     lanes: int
     machine_code: bool
     packed: Callable[..., None] | None = field(repr=False, default=None)
-    code: object = field(repr=False, default=None)
 
     def bound(self, arguments: list[int], kept: object) -> Callable[[], None]:
         """Fix the arguments: calls then cost next to nothing. ``kept`` lives as long."""
@@ -62,7 +59,7 @@ class Kernel:
         else:
             given = np.array(arguments, dtype=np.int64)
             fixed = functools.partial(self.packed, ctypes.c_void_p(given.ctypes.data))
-            kept = (kept, given, self)
+            kept = (kept, given)
         fixed.kept = kept
         return fixed
 
@@ -208,7 +205,7 @@ def machine_code(tape: Tape, state: int | None, lanes: int) -> Kernel:
         cache.write(name, objects)
     code = native.loaded(objects)
     entry, count = ("run", 5) if state is None else ("loop", 6)
-    return Kernel(code.function(entry, count), lanes, True, code.packed(f"{entry}_packed"), code)
+    return Kernel(code.function(entry, count), lanes, True, code.function(f"{entry}_packed", 1))
 
 
 @functools.cache

@@ -84,14 +84,15 @@ def object_code(text: str, level: int = LEVEL) -> bytes:
 
     with LOCK:
         generator = machine(level)
-        module = llvm.parse_assembly(text)
+        # a context of its own: the global one would keep every constant for good
+        module = llvm.parse_assembly(text, llvm.create_context())
         module.verify()
         return bytes(generator.emit_object(module))
 
 
 @dataclass(frozen=True)
 class Loaded:
-    """Object code in memory: it stays as long as this does."""
+    """Object code in memory: it stays as long as this or one of its functions does."""
 
     engine: Any = field(repr=False)
 
@@ -106,11 +107,9 @@ class Loaded:
     def function(self, name: str, arguments: int) -> Any:
         """Return a function of so many integers and addresses; it runs without Python's lock."""
         kinds = [ctypes.c_void_p] * arguments  # quicker to convert to than other integers
-        return ctypes.CFUNCTYPE(None, *kinds)(self.address(name))
-
-    def packed(self, name: str) -> Any:
-        """Return a function of one address, where its arguments are; it runs without the lock."""
-        return ctypes.CFUNCTYPE(None, ctypes.c_void_p)(self.address(name))
+        function: Any = ctypes.CFUNCTYPE(None, *kinds)(self.address(name))
+        function.code = self  # the code lives as long as the function
+        return function
 
 
 def loaded(code: bytes) -> Loaded:
@@ -119,8 +118,9 @@ def loaded(code: bytes) -> Loaded:
 
     with LOCK:
         generator = machine(LEVEL)
+        empty = llvm.parse_assembly("", llvm.create_context())
         image = llvm.ObjectFileRef.from_data(code)
-        engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), generator)
+        engine = llvm.create_mcjit_compiler(empty, generator)
         engine.add_object_file(image)
         engine.finalize_object()
     return Loaded(engine)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import math
 import subprocess
 import sys
@@ -64,7 +65,7 @@ def test_every_width_and_place_gives_the_same_bits(seed: int) -> None:
 
 
 def test_pieces_change_no_bit(monkeypatch: pytest.MonkeyPatch) -> None:
-    tape = random_tape(11)
+    tape = random_tape(11, length=60)
     x = postures(tape, 13)
     whole = machine.compiled(tape).run(x)
     for length in (1, 7, 50):
@@ -239,6 +240,21 @@ def test_bound_calls_read_what_the_arrays_hold() -> None:
         assert state[0, 0] == pytest.approx(math.sqrt(value), rel=1e-14)
     with pytest.raises(ValueError, match="x must be"):
         code.bound(np.zeros((code.inputs, 4))[:, ::2], np.zeros((code.outputs, 2)))
+
+
+def test_code_lives_as_long_as_its_functions() -> None:
+    tape, x = random_tape(13, length=30), postures(random_tape(13, length=30), 3)
+    whole = machine.compiled(tape).run(x)
+    out = np.zeros_like(whole)
+    call, ready = machine.compiled(tape).kernel.call, machine.compiled(tape).bound(x, out)
+    for seed in range(3):
+        machine.compiled(random_tape(60 + seed, length=30))
+        gc.collect()
+    ready()
+    assert same_bits(out, whole)
+    out[:] = 0.0
+    call(x.ctypes.data, out.ctypes.data, 3, 3, 3)
+    assert same_bits(out, whole)
 
 
 def test_numpy_runs_what_is_too_long_to_compile(monkeypatch: pytest.MonkeyPatch) -> None:
