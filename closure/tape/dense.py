@@ -72,8 +72,9 @@ def determinant(g: Graph, matrix: Sequence[Sequence[Expr]]) -> Expr:
             larger = abs(a[k][k]) < abs(a[i][k])
             first, second = a[k], a[i]
             # the rows change places and one its sign: the determinant stays
-            a[k] = first[:k] + [larger.select(y, x) for x, y in zip(first[k:], second[k:])]
-            a[i] = second[:k] + [larger.select(-x, y) for x, y in zip(first[k:], second[k:])]
+            for c in range(k, n):
+                x, y = first[c], second[c]
+                first[c], second[c] = larger.select(y, x), larger.select(-x, y)
         pivot = a[k][k]
         product = product * pivot
         inverse = (abs(pivot) > 0.0).select(pivot, 1.0).recip()

@@ -27,7 +27,6 @@ SQUARED = 1e-6
 """Smallest share of the trace of A that its smallest eigenvalue may be: it keeps ten digits."""
 
 
-
 @dataclass(frozen=True, eq=False)
 class Constraint:
     """How sigma_constraint is found for a plan."""
@@ -100,7 +99,9 @@ class Constraint:
             m[i].get(j, zero) for m in (self.products, weight) for i in range(r) for j in range(r)
         ]
         tape = self.tape.graph.tape(wanted, samples.shape[1])
-        values = np.array([np.broadcast_to(x, len(samples)) for x in evaluate(tape, list(samples.T))])
+        values = np.array(
+            [np.broadcast_to(x, len(samples)) for x in evaluate(tape, list(samples.T))]
+        )
         matrices = np.moveaxis(values.reshape(2, r, r, len(samples)), 3, 1)
         return np.linalg.inv(matrices[0]), np.linalg.inv(matrices[1])
 

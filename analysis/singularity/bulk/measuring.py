@@ -20,6 +20,7 @@ from closedchain.analysis.singularity.bulk.plan import Plan, planned
 from closedchain.analysis.singularity.bulk.singular import Found, Workspace
 from closedchain.analysis.singularity.maps.measures import measures_at
 from closedchain.closure.mechanism import Mechanism
+from closedchain.closure.tape.verified import POSTURES, agree, verify
 
 DETERMINANTS = ("residual", "det_direct", "det_inverse")
 PIVOT = 1e-5  # dimensionless: digits are lost in proportion to the smallest pivot
@@ -42,6 +43,7 @@ class BulkMeasures:
     mechanism: Mechanism
     outputs: tuple[str, ...]
     _spare: list[Workspace] = field(init=False, default_factory=list, repr=False)
+    _verified: set[bool] = field(init=False, default_factory=set, repr=False)
 
     @cached_property
     def plan(self) -> Plan | None:
@@ -72,24 +74,48 @@ class BulkMeasures:
         postures = np.asarray(postures, dtype=np.float64)
         if self.plan is None or not len(postures):
             return measures_at(self.mechanism, postures, self.outputs)
+        if full not in self._verified:
+            self._verify(self.plan, full)
         parts = []
-        memory = self._borrowed() if full else None
         for begin in range(0, len(postures), CHUNK):
             part = postures[begin : begin + CHUNK]
-            found, good = self._determinants(part) if memory is None else measured(memory, part)
+            found, good = self._in_lanes(part, full)
             doubtful = np.flatnonzero(~good)
             if doubtful.size:
                 exact = measures_at(self.mechanism, part[doubtful], self.outputs)
                 for name, values in found.items():
                     values[doubtful] = exact[name]
             parts.append(found)
-        if memory is not None:
-            self._spare.append(memory)
         return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
-    def _determinants(self, postures: np.ndarray) -> tuple[Found, np.ndarray]:
-        numbers = self._code.determinants.run(np.ascontiguousarray(postures.T))
-        return determinants(numbers)
+    def _in_lanes(self, postures: np.ndarray, full: bool) -> tuple[Found, np.ndarray]:
+        """Measures by machine code, and which postures' can be trusted."""
+        if not full:
+            return determinants(self._code.determinants.run(np.ascontiguousarray(postures.T)))
+        memory = self._borrowed()
+        try:
+            return measured(memory, postures)
+        finally:
+            self._spare.append(memory)
+
+    def _verify(self, plan: Plan, full: bool) -> None:
+        """Compare with Pinocchio and LAPACK at two postures.
+
+        Raises
+        ------
+        TapeError
+            They differ.
+        """
+        verify(self.mechanism, self.outputs)
+        postures = plan.samples[-POSTURES:]
+        found, good = self._in_lanes(postures, full)
+        exact = measures_at(self.mechanism, postures[good], self.outputs)
+        for name, values in found.items():
+            pair = [values[good], exact[name]]
+            if name == "condition":
+                pair = [1.0 / np.array(x) for x in pair]
+            agree(f"{name} of {self.mechanism.name!r}", *pair)
+        self._verified.add(full)
 
     @cached_property
     def _code(self) -> MeasuresCode:

@@ -186,7 +186,7 @@ class FirstOrderTape:
         return {name: self.graph.lift(det) for name, det in found.items()}
 
     def _orient(self, found: dict[str, Expr]) -> None:
-        """Give determinants of redundant rows the signs that do not depend on the choice of rows."""
+        """Give determinants of redundant rows signs that do not depend on the choice of rows."""
         if "det_direct" in found:
             orientation = found["det_direct"]
             found["det_direct"] = abs(orientation)

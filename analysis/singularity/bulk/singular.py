@@ -72,7 +72,9 @@ class Workspace:
         x, rows, krylov, given, sought = (part[:, :n] for part in parts)
         x[:] = postures.T
         self.code.everything.code.run_into(x, rows)
-        return Evaluated(self.code, Numbers(self.code.everything.begins, rows), krylov, given, sought)
+        return Evaluated(
+            self.code, Numbers(self.code.everything.begins, rows), krylov, given, sought
+        )
 
 
 @dataclass(frozen=True, eq=False)

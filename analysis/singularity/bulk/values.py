@@ -70,9 +70,7 @@ class SmallMatrices:
 
 def ritz_matrix(graph: Graph, begin: int, steps: int) -> Tridiagonal:
     """Lanczos' tridiagonal matrix, from the inputs ``begin`` on."""
-    return Tridiagonal(
-        graph, graph.inputs(begin, steps), graph.inputs(begin + steps, steps - 1)
-    )
+    return Tridiagonal(graph, graph.inputs(begin, steps), graph.inputs(begin + steps, steps - 1))
 
 
 def ritz_code(steps: int) -> Compiled:
@@ -118,9 +116,7 @@ class Search:
         begin = self.states
         forms = []
         for size in self.sizes:
-            forms.append(
-                Bidiagonal(g, g.inputs(begin, size), g.inputs(begin + size, size - 1))
-            )
+            forms.append(Bidiagonal(g, g.inputs(begin, size), g.inputs(begin + size, size - 1)))
             begin += 2 * size - 1
         searched: list[tuple[Bidiagonal | Tridiagonal, bool]] = []
         if forms:
