@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from closedchain.closure.nearest import LIMIT_TOLERANCE
-from closedchain.closure.solve.hops import Hops
+from closedchain.closure.solve.hops import Hop, Hops
 from closedchain.closure.solve.outcome import Ending
 from closedchain.closure.solve.path import Way
 from closedchain.closure.solve.problem import Problem
@@ -148,13 +148,13 @@ class _Work:
 
     def _enter(self, begin: np.ndarray, end: np.ndarray, side: np.ndarray) -> np.ndarray:
         """Follow ways from cells into others, all different; which ones lead on, (n,) of bool."""
-        way = self.hops.ways(begin, end, self._behind(begin, side ^ 1))
-        found = self._judged(way, begin, end)
+        hop = self.hops.ways(begin, end, self._behind(begin, side ^ 1))
+        found = self._judged(hop.way, begin, end)
         if self.hops.problem.redundant:
-            way, found = self._looked_into(way, found, begin, end)
+            hop, found = self._looked_into(hop, found, begin, end)
         good = found == ARRIVED
         there = end[good]
-        self.hops.q[:, there], self.hops.det[there] = way.q.T[:, good], way.det[good]
+        self.hops.enter(there, hop, good)
         self.solved[there] = True
         done = good | (found == LIMIT)
         better = done | (EXPLAINS[found] > EXPLAINS[self.codes[end]])
@@ -190,15 +190,16 @@ class _Work:
         return found
 
     def _looked_into(
-        self, way: Way, found: np.ndarray, begin: np.ndarray, end: np.ndarray
-    ) -> tuple[Way, np.ndarray]:
+        self, hop: Hop, found: np.ndarray, begin: np.ndarray, end: np.ndarray
+    ) -> tuple[Hop, np.ndarray]:
         """Ways whose kept rows failed, or whose other rows stayed open, once more with others.
 
         Where all rows lose rank, other ones lead no further.
         """
         failed = np.flatnonzero((found == FOLD) | (found == STUCK) | (self.hops.det[begin] == 0.0))
         if not failed.size:
-            return way, found
+            return hop, found
+        way = hop.way
         slow = self.hops.slowly(begin[failed], end[failed])
         further = (slow.codes == ARRIVED) | (slow.reached > way.reached[failed] + SHORT)
         slow.det[further] = 0.0  # of other rows
@@ -209,7 +210,8 @@ class _Work:
         merged = {name: getattr(way, name).copy() for name in ("q", "reached", "codes", "det")}
         for name, values in merged.items():
             values[failed[further]] = getattr(slow, name)[further]
-        return Way(**merged, evaluations=way.evaluations, started=way.started), found
+        way = Way(**merged, evaluations=way.evaluations, started=way.started)
+        return Hop(way, hop.memory), found
 
     def _folds(self, way: Way, begin: np.ndarray, end: np.ndarray, ended: np.ndarray) -> np.ndarray:
         """Whether ways ``ended`` (e,), from cells to others, ended with a singularity in sight.

@@ -7,19 +7,26 @@ begun from the cell itself, as any other is.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
-from closedchain.closure.solve.control import FRESH, LONGEST, MOST, RUNNING, STATE
-from closedchain.closure.solve.path import CHUNK, TICKS, Follower, Way, follower_of
+from closedchain.closure.solve.control import FRESH, LONGEST, MOST, STATE
+from closedchain.closure.solve.path import Follower, Way, follower_of
 from closedchain.closure.solve.problem import POSE, Problem
 from closedchain.closure.solve.ways import follow
 
 SMALLEST_STEP = 1e-4
 """Share of the way to a neighbour, where steps end that no longer lead on."""
 
-_STATUS = STATE.index("status")
+
+@dataclass(frozen=True, eq=False)
+class Hop:
+    """Where ways ended, and what followers keep of the last good postures beside, in columns."""
+
+    way: Way
+    memory: np.ndarray
 
 
 class Hops:
@@ -33,7 +40,9 @@ class Hops:
     q : (nq, cells) array
         Postures of solved cells.
     det : (cells,) array
-        Determinants of the kept rows there; 0 where it is not known.
+        Determinants of the kept rows there; 0 where nothing is known of these rows.
+    memory : (memory, cells) array
+        What followers keep of good postures beside.
     """
 
     def __init__(self, problem: Problem, targets: np.ndarray, q: np.ndarray) -> None:
@@ -41,7 +50,8 @@ class Hops:
         self.problem = problem
         self.targets = np.ascontiguousarray(targets.T)
         self.q = np.ascontiguousarray(q.T)
-        self.det = np.ones(len(q))
+        self.det = np.zeros(len(q))
+        self.memory = np.zeros((self.follower.memory, len(q)))
 
     @cached_property
     def follower(self) -> Follower:
@@ -50,24 +60,29 @@ class Hops:
 
     def closed(self, cells: np.ndarray) -> np.ndarray:
         """Close cells (n,) whose postures are given; which ones do, (n,) of bool."""
-        q, targets = (np.ascontiguousarray(x[:, cells].T) for x in (self.q, self.targets))
-        way = self.follower.run(q, targets, targets, SMALLEST_STEP)
-        self.q[:, cells], self.det[cells] = way.q.T, way.det
-        return way.started
+        targets = self.targets[:, cells]
+        state, numbers = self._laid_out(cells, targets, targets)
+        nq, fresh = len(self.q), FRESH[:, None]
+        state[2 * nq : 2 * nq + len(STATE)] = fresh
+        hop = self._followed(state, numbers)
+        self.enter(cells, hop, slice(None))
+        return hop.way.started
 
-    def ways(self, begin: np.ndarray, end: np.ndarray, behind: np.ndarray) -> Way:
+    def enter(self, cells: np.ndarray, hop: Hop, which: slice | np.ndarray) -> None:
+        """Keep where some of the ways ended as what is known of cells (n,)."""
+        self.q[:, cells] = hop.way.q.T[:, which]
+        self.det[cells], self.memory[:, cells] = hop.way.det[which], hop.memory[:, which]
+
+    def ways(self, begin: np.ndarray, end: np.ndarray, behind: np.ndarray) -> Hop:
         """Follow the branches of solved cells (n,) to the targets of others (n,).
 
         ``behind`` (2, n) are the cells before ``begin`` on the same line, nearest first; -1 where
         there is none to extrapolate from.
         """
-        q = self.q[:, begin]
-        return self._followed(
-            q,
-            self._ahead(q, behind),
-            self.det[begin],
-            self._laid_out(self.targets[:, begin], self.targets[:, end]),
-        )
+        state, numbers = self._laid_out(begin, self.targets[:, begin], self.targets[:, end])
+        nq = len(self.q)
+        state[nq : 2 * nq] = self._ahead(state[:nq], behind)
+        return self._followed(state, numbers)
 
     def backwards(self, begin: np.ndarray, end: np.ndarray) -> Way:
         """Follow ways as long as those from cells to others (n,), in the opposite direction."""
@@ -75,8 +90,7 @@ class Hops:
         back = 2.0 * one - two
         for at in self._turns:  # the other end, mirrored at this one on the sphere
             back[at] = 2.0 * (one[at] * two[at]).sum(axis=0) * one[at] - two[at]
-        q = self.q[:, begin]
-        return self._followed(q, q, self.det[begin], self._laid_out(one, back))
+        return self._followed(*self._laid_out(begin, one, back)).way
 
     def slowly(self, begin: np.ndarray, end: np.ndarray) -> Way:
         """The same, past where only the kept rows fail; a determinant there is not that of others.
@@ -89,30 +103,21 @@ class Hops:
         )
         return follow(self.problem, q, one, two, SMALLEST_STEP)
 
-    def _followed(
-        self, q: np.ndarray, trial: np.ndarray, det: np.ndarray, ways: tuple[np.ndarray, np.ndarray]
-    ) -> Way:
-        """Follow from good postures (nq, n), the first trial given, on ``ways`` as laid out."""
-        nq, n = q.shape
-        numbers, longest = ways
-        state = np.zeros((self.follower.states, n))
-        state[:nq], state[nq : 2 * nq] = q, trial
-        state[2 * nq : 2 * nq + len(STATE)] = FRESH[:, None]
+    def _followed(self, state: np.ndarray, numbers: np.ndarray) -> Hop:
+        """Follow until every way has ended."""
+        nq = len(self.q)
+        state = self.follower.ended(state, numbers)
         rest = dict(zip(STATE, state[2 * nq :], strict=False))
-        rest["reached"][:], rest["step"][:] = 0.0, longest
-        rest["side"][:], rest["det"][:] = np.sign(det), det
-        for a in range(0, n, CHUNK):
-            part, given = state[:, a : a + CHUNK], numbers[:, a : a + CHUNK]
-            while (part[2 * nq + _STATUS] == RUNNING).any():
-                self.follower.loop.run(part, given, TICKS)
-        return Way(
+        first = 2 * nq + len(STATE)
+        way = Way(
             q=state[:nq].T,
-            reached=rest["reached"],
+            reached=np.maximum(rest["reached"], 0.0),
             codes=rest["status"].astype(int),
             det=rest["det"],
             evaluations=rest["evaluations"].astype(int),
-            started=np.ones(n, dtype=bool),
+            started=rest["reached"] >= 0.0,
         )
+        return Hop(way, state[first : first + self.follower.memory])
 
     def _ahead(self, q: np.ndarray, behind: np.ndarray) -> np.ndarray:
         """Postures (nq, n) that solved cells extrapolate to, through three where they are there."""
@@ -136,8 +141,24 @@ class Hops:
         p = len(self.problem.pinned)
         return [slice(p + POSE * i + 3, p + POSE * (i + 1)) for i in range(len(self.problem.goals))]
 
-    def _laid_out(self, one: np.ndarray, two: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Parameters of the loop for ways between targets (prescribed, n), and longest steps."""
+    def _laid_out(
+        self, begin: np.ndarray, one: np.ndarray, two: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """State and parameters of the loop for ways of cells (n,), good ones, between targets."""
+        q, det, nq = self.q[:, begin], self.det[begin], len(self.q)
+        state = np.empty((self.follower.states, begin.size))
+        state[:nq], state[nq : 2 * nq] = q, q
+        first, memory = 2 * nq + len(STATE), self.follower.memory
+        state[2 * nq : first] = FRESH[:, None]
+        state[first : first + memory] = state[first + memory :] = self.memory[:, begin]
+        rest = dict(zip(STATE, state[2 * nq :], strict=False))
+        rest["reached"][:], rest["step"][:] = 0.0, self._longest(one, two)
+        rest["side"][:], rest["det"][:] = np.sign(det), det
+        numbers = np.concatenate([one, two, np.full((1, begin.size), SMALLEST_STEP)])
+        return state, numbers
+
+    def _longest(self, one: np.ndarray, two: np.ndarray) -> np.ndarray:
+        """Longest share (n,) of ways between targets (prescribed, n) that a sub-step may take."""
         m, pins = self.problem.mechanism, list(self.problem.pinned)
         gap = two - one
         travel = np.abs(gap[: len(pins)] / m.column_scale[pins][:, None]).max(axis=0, initial=0.0)
@@ -147,5 +168,4 @@ class Hops:
             # quaternions of either sign say the same
             turn = 2.0 * np.minimum(chord, np.sqrt(np.maximum(4.0 - chord * chord, 0.0)))
             travel = np.maximum(travel, shift / m.length + turn)
-        numbers = np.concatenate([one, two, np.full((1, one.shape[1]), SMALLEST_STEP)])
-        return numbers, np.clip(LONGEST / np.maximum(travel, 1e-300), 1.0 / MOST, 1.0)
+        return np.clip(LONGEST / np.maximum(travel, 1e-300), 1.0 / MOST, 1.0)

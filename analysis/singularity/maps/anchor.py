@@ -8,10 +8,13 @@ from itertools import product
 
 import numpy as np
 
-from closedchain.analysis.singularity.maps.cells import ReferenceCells, proper
 from closedchain.analysis.singularity.maps.grid import Grid
-from closedchain.closure.continuation import Followed
-from closedchain.closure.equations import correct
+from closedchain.closure.chart import Chart
+from closedchain.closure.nearest import LIMIT_TOLERANCE
+from closedchain.closure.solve.flood import ARRIVED, CLOSED
+from closedchain.closure.solve.hops import SMALLEST_STEP
+from closedchain.closure.solve.path import Way, follower_of
+from closedchain.closure.solve.ways import follow
 from closedchain.urdf.errors import ClosureError
 
 TRIED = 9
@@ -36,25 +39,36 @@ def anchor_of(grid: Grid) -> Anchor:
         None of the cells nearest to the start can be reached.
     """
     chart = grid.chart
-    cells = ReferenceCells(chart, ())
     begin = chart.values(grid.start)
-    first = correct(cells.equations(begin), chart.pinned(grid.start, begin))
-    if first.refusal is not None:
-        raise ClosureError(
-            "the start of the map is singular for its coordinates: no branch can be followed from "
-            "it; give a posture elsewhere (at=) or other coordinates"
-        )
     why = ""
     for cell in _nearest(grid, begin):
         target = grid.coordinates(np.array([cell]))[0]
-        way = cells.follow(first, begin, target)
-        if way.refusal is None and proper(cells.equations(target), way.last.q):
-            return Anchor(cell, way.last.q)
+        way = _way(chart, grid.start, begin, target)
+        if not way.started.all():
+            raise ClosureError(
+                "the start of the map is singular for its coordinates: no branch can be followed "
+                "from it; give a posture elsewhere (at=) or other coordinates"
+            )
+        if way.codes[0] == ARRIVED and _proper(chart, way.q, target):
+            return Anchor(cell, way.q[0])
         why = why or _why(grid, begin, target, way)
     raise ClosureError(
         f"the map's first cell cannot be reached, nor can the next ones: {why}. Choose values "
         "nearer to the start, other held values (at=) or another posture (at=, mode=)"
     )
+
+
+def _way(chart: Chart, q: np.ndarray, begin: np.ndarray, end: np.ndarray) -> Way:
+    """Way of the branch of a posture (nq,) between coordinates (k,)."""
+    one, two = (chart.targets(values) for values in (begin, end))
+    return follow(chart.problem, q[None], one, two, SMALLEST_STEP)
+
+
+def _proper(chart: Chart, q: np.ndarray, values: np.ndarray) -> bool:
+    """Whether a posture (1, nq) is closed and within limits, no joint mirrored, no tip reversed."""
+    columns = np.hstack([q, chart.targets(values)]).T
+    largest, sense, facing, within = follower_of(chart.problem).check.run(columns)[:, 0]
+    return bool(largest < CLOSED and sense >= 0.0 and facing >= 0.0 and within >= -LIMIT_TOLERANCE)
 
 
 def _nearest(grid: Grid, begin: np.ndarray) -> Iterator[tuple[int, ...]]:
@@ -70,14 +84,15 @@ def _nearest(grid: Grid, begin: np.ndarray) -> Iterator[tuple[int, ...]]:
     return (cells[i] for i in np.argsort(far, kind="stable")[:TRIED])
 
 
-def _why(grid: Grid, begin: np.ndarray, target: np.ndarray, way: Followed) -> str:
-    if way.refusal is None:
+def _why(grid: Grid, begin: np.ndarray, target: np.ndarray, way: Way) -> str:
+    reached = float(way.reached[0])
+    if way.codes[0] == ARRIVED:
         return f"at {_place(grid, target)} a joint is beyond its limits or mirrored"
-    end = begin + way.reached * (target - begin)
+    end = begin + reached * (target - begin)
     folds = grid.chart.folds
     kind = "a singularity of these coordinates" if folds is None else f"a singularity ({folds})"
     return (
-        f"the straight way to {_place(grid, target)} ends after {way.reached:.1%}, at "
+        f"the straight way to {_place(grid, target)} ends after {reached:.1%}, at "
         f"{_place(grid, end)}, at {kind}"
     )
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from closedchain.analysis.singularity.maps.choice import Choice, described
 from closedchain.analysis.singularity.maps.grid import STATUSES, Grid
 from closedchain.analysis.singularity.maps.measures import LONG_NAMES
 from closedchain.closure.chart import TILTS, Chart
@@ -21,30 +22,32 @@ STATUS_LABELS = {
 }
 
 
-def labelled(grid: Grid, arrays: Mapping[str, np.ndarray], outputs: tuple[str, ...]) -> xr.Dataset:
+def labelled(grid: Grid, arrays: Mapping[str, np.ndarray], measures: Choice) -> xr.Dataset:
     """Label the arrays of a map: "status", "q" and the measures, each with the grid's shape."""
     import xarray as xr
 
     variables = {}
-    for name in ("status", *LONG_NAMES, "q"):
+    for name in ("status", *measures.every, "q"):
         if name not in arrays:
             continue
         values = arrays[name]
         more = ("nq",) if name == "q" else ()
-        variables[name] = ((*grid.names, *more), values, array_labels(name))
+        variables[name] = ((*grid.names, *more), values, array_labels(name, measures))
     coordinates = {
         name: (name, values, coordinate_labels(grid.chart, name))
         for name, values in zip(grid.names, grid.values, strict=True)
     }
-    return xr.Dataset(variables, coords=coordinates, attrs=map_labels(grid, outputs))
+    return xr.Dataset(variables, coords=coordinates, attrs=map_labels(grid, measures.outputs))
 
 
-def array_labels(name: str) -> dict[str, Any]:
+def array_labels(name: str, measures: Choice) -> dict[str, Any]:
     """Attributes of an array of a map."""
     if name == "status":
         return dict(STATUS_LABELS)
     if name == "q":
         return {"long_name": "configuration", "units": "m or rad"}
+    if name in measures.functions:
+        return {"long_name": described(measures.functions[name])}
     return {"units": "m or rad" if name == "residual" else "1", "long_name": LONG_NAMES[name]}
 
 

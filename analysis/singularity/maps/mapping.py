@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
     import xarray as xr
 
+    from closedchain.analysis.singularity.maps.choice import Wanted
     from closedchain.analysis.singularity.maps.spreading import Job
 
 
@@ -33,7 +34,7 @@ def singularity_map(
     workers: Any = None,
     client: Any = None,
     chunk: int | Mapping[str, int] | None = None,
-    _reference: bool = False,
+    measures: Wanted = None,
 ) -> xr.Dataset:
     """Evaluate the singularity measures over a grid of coordinates, on one branch.
 
@@ -63,6 +64,11 @@ def singularity_map(
         Workers elsewhere (extra ``closedchain[distributed]``).
     chunk : int, or mapping of coordinate to int, optional
         Cells along each axis of the tiles into which the work is cut.
+    measures : sequence of str, or mapping of name to function, optional
+        All measures by default. Names leave out the others. A mapping adds variables: functions of
+        the mechanism and postures (n, nq) that give a number for each, (n,). A sequence of names
+        and mappings gives these alone. Of a map that is saved, or made by Dask, functions must
+        pickle.
 
     Returns
     -------
@@ -77,11 +83,12 @@ def singularity_map(
     ClosureError
         Unknown coordinates, modes or outputs, values that do not rise or that no posture can have,
         a start or cells that cannot be reached, a map that does not fit into memory, a store that
-        holds another map.
+        holds another map; measures that are none, or do not pickle where they have to.
     """
     # not above: threads, JSON and the like would take a fifth of the time of ``import closedchain``
     from closedchain.analysis.progress import reporting
     from closedchain.analysis.singularity.maps.anchor import anchor_of
+    from closedchain.analysis.singularity.maps.choice import check_portable, chosen
     from closedchain.analysis.singularity.maps.journal import InMemory
     from closedchain.analysis.singularity.maps.rounds import fill
     from closedchain.analysis.singularity.maps.saving import opened, saved_run
@@ -95,22 +102,27 @@ def singularity_map(
     )
     grid = grid_of(mechanism, over, at, outputs=outputs, mode=mode)
     tiles = tiles_of(grid.shape, chunk, grid.names)
-    job = Job(grid, tiles, names, keep_q=keep_q, reference=_reference)
+    choice = chosen(mechanism, names, grid.names, measures)
+    if save is not None or client is not None or hasattr(workers, "get_executor"):
+        check_portable(choice.functions)
+    job = Job(grid, tiles, choice, keep_q=keep_q)
     anchor = anchor_of(grid)
     with reporting(progress) as report, crew(job, workers, client) as people:
         if save is None:
-            store = in_memory(tiles, _measures(job, report), mechanism.model.nq, keep_q=keep_q)
+            store = in_memory(tiles, choice.every, mechanism.model.nq, keep_q=keep_q)
+            warm(job, report)
             fill(job, anchor, store, InMemory(), people, report)
             arrays = {name: array for name, array in store.arrays.items() if name != "ends"}
-            return labelled(grid, arrays, names)
-        with saved_run(Path(save), job, _measures(job, report)) as run:
+            return labelled(grid, arrays, choice)
+        with saved_run(Path(save), job) as run:
             if run is not None:
+                warm(job, report)
                 fill(job, anchor, run.store, run.journal, people, report)
     return opened(Path(save))
 
 
-def _measures(job: Job, report: Progress | None) -> tuple[str, ...]:
-    """Names of the measures that the mechanism has; the first that needs a compiled kernel."""
-    if report is not None and not job.cells.compiled():
-        report("compiling the kernel, once on this machine", 0, 0)
-    return tuple(job.cells.measures(job.grid.start[None]))
+def warm(job: Job, report: Progress | None, *, search: bool = True) -> None:
+    """Make the machine code of a map before others need it, and say so."""
+    if report is not None and not job.cells.ready():
+        report(f"compiling {job.grid.chart.mechanism.name}", 0, 0)
+    job.cells.warm(search=search)

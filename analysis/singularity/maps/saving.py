@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import shutil
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from closedchain.analysis.singularity.maps.choice import identity
 from closedchain.analysis.singularity.maps.journal import OnDisk
 from closedchain.analysis.singularity.maps.labels import array_labels, coordinate_labels, map_labels
-from closedchain.analysis.singularity.maps.measures import LONG_NAMES
 from closedchain.analysis.singularity.maps.spreading import Job
 from closedchain.analysis.singularity.maps.storage import Store, in_zarr
 from closedchain.urdf.errors import ClosureError
@@ -36,7 +36,7 @@ class SavedRun:
 
 
 @contextmanager
-def saved_run(folder: Path, job: Job, measures: Sequence[str]) -> Iterator[SavedRun | None]:
+def saved_run(folder: Path, job: Job) -> Iterator[SavedRun | None]:
     """Run over a store, made if need be; None where it is complete. Left in order, it is complete.
 
     Raises
@@ -62,7 +62,7 @@ def saved_run(folder: Path, job: Job, measures: Sequence[str]) -> Iterator[Saved
         group.update_attributes({_REQUEST: request, _COMPLETE: False})
     nq = job.grid.start.size
     names, keep = job.grid.names, job.keep_q
-    store = in_zarr(folder, job.tiles, names, measures, nq, keep_q=keep)
+    store = in_zarr(folder, job.tiles, names, job.measures.every, nq, keep_q=keep)
     yield SavedRun(store, OnDisk(folder / _JOURNAL))
     _complete(folder, job, store)
 
@@ -72,9 +72,9 @@ def opened(folder: Path) -> xr.Dataset:
     import xarray as xr
 
     found = xr.open_dataset(folder, engine="zarr", chunks=None)
-    for name in (_REQUEST, _COMPLETE):
-        del found.attrs[name]
-    return found[[name for name in ("status", *LONG_NAMES, "q") if name in found]]
+    request = found.attrs.pop(_REQUEST)
+    del found.attrs[_COMPLETE]
+    return found[[name for name in ("status", *request["measures"], *request["functions"], "q") if name in found]]
 
 
 def request_of(job: Job) -> dict[str, Any]:
@@ -91,10 +91,11 @@ def request_of(job: Job) -> dict[str, Any]:
         "values": {n: v.tolist() for n, v in zip(grid.names, grid.values, strict=True)},
         "held": dict(grid.chart.held),
         "start": grid.start.tolist(),
-        "outputs": list(job.outputs),
+        "outputs": list(job.measures.outputs),
+        "measures": list(job.measures.names),
+        "functions": {name: identity(f) for name, f in job.measures.functions.items()},
         "keep_q": job.keep_q,
         "chunk": list(job.tiles.size),
-        "reference": job.reference,
         "closedchain version": closedchain.__version__,
     }
 
@@ -146,8 +147,8 @@ def _complete(folder: Path, job: Job, store: Store) -> None:
             if name in group:
                 del group[name]
         else:
-            group[name].update_attributes(array_labels(name))
-    group.update_attributes(map_labels(grid, job.outputs))
+            group[name].update_attributes(array_labels(name, job.measures))
+    group.update_attributes(map_labels(grid, job.measures.outputs))
     shutil.rmtree(folder / _JOURNAL)
     group.update_attributes({_COMPLETE: True})
     with warnings.catch_warnings():

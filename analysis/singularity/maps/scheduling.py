@@ -45,9 +45,10 @@ class Crew:
                 done, _ = wait(pending, timeout=_PATIENCE, return_when=FIRST_COMPLETED)
                 for future in done:
                     yield pending.pop(future).tile, future.result()
-                waiting(sum(int(task.done[0]) for task in pending.values()))
+                waiting(sum(int(task.signals.done[0]) for task in pending.values()))
         finally:
-            for future in pending:
+            for future, task in pending.items():
+                task.signals.stop[0] = 1
                 future.cancel()
 
 
@@ -71,7 +72,7 @@ def crew(job: Job, workers: Any = None, client: Any = None) -> Iterator[Crew]:
         with client.get_executor(pure=False) as executor:
             yield Crew(executor, client.scatter(job, broadcast=True, hash=False), threads)
         return
-    count = default_workers(job) if workers is None else workers
+    count = default_workers() if workers is None else workers
     if isinstance(count, bool) or not isinstance(count, int) or count < 1:
         raise ClosureError(f"workers must be a positive number or a Dask client, got {workers!r}")
     executor = ThreadPoolExecutor(count, thread_name_prefix="closedchain-map")
@@ -81,10 +82,8 @@ def crew(job: Job, workers: Any = None, client: Any = None) -> Iterator[Crew]:
         executor.shutdown(cancel_futures=True)
 
 
-def default_workers(job: Job) -> int:
-    """One for each core that this process may use; the reference holds Python's lock: one."""
-    if job.reference:
-        return 1
+def default_workers() -> int:
+    """One for each core that this process may use."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1

@@ -12,13 +12,23 @@ from functools import cached_property
 
 import numpy as np
 
-from closedchain.analysis.singularity.maps.cells import Cells, ReferenceCells, random_postures
+from closedchain.analysis.singularity.maps.cells import (
+    STARTS,
+    UNTRIED,
+    Cells,
+    Signals,
+    random_postures,
+)
+from closedchain.analysis.singularity.maps.choice import Choice
 from closedchain.analysis.singularity.maps.grid import OK, UNSEEN, Grid
-from closedchain.analysis.singularity.maps.kernel_cells import KernelCells
 from closedchain.analysis.singularity.maps.tiles import Found, Index, Tiles
-from closedchain.closure.batch.codes import UNTRIED
+
+FIRST_STARTS = 6
+"""Starts at every cell of the lattice, before what they reach is known; then the others."""
 
 _OUTSIDE = np.int8(-2)  # status of cells beside a tile, where work on the tile has no say
+_TOGETHER = 32  # cells that are searched together
+_MEASURED = 2048  # postures measured together
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,18 +37,13 @@ class Job:
 
     grid: Grid
     tiles: Tiles
-    outputs: tuple[str, ...]
+    measures: Choice
     keep_q: bool = False
-    explained: bool = True  # whether it matters why the branch ends where it does
-    reference: bool = False
 
     @cached_property
     def cells(self) -> Cells:
         """Spreading, searching and measuring; made once in each process."""
-        chart, outputs = self.grid.chart, self.outputs
-        if self.reference:
-            return ReferenceCells(chart, outputs)
-        return KernelCells(chart, outputs, explain=self.explained)
+        return Cells(self.grid.chart, self.measures)
 
     def __getstate__(self) -> dict[str, object]:
         """Pickle the fields, not the solver made from them."""
@@ -65,8 +70,8 @@ class Task:
         Solved cells of the grid from which to go on: beside the tile, or in it.
     lattice : (m, k) array
         Cells of the tile where other branches are sought.
-    done : (1,) array
-        Cells reached so far, for whoever shares the memory of the worker.
+    signals : Signals
+        For whoever shares the memory of the worker.
     """
 
     tile: Index
@@ -75,22 +80,23 @@ class Task:
     cells: np.ndarray
     q: np.ndarray
     lattice: np.ndarray
-    done: np.ndarray = field(default_factory=lambda: np.zeros(1, dtype=np.int64))
+    signals: Signals = field(default_factory=Signals.fresh)
 
 
 def work(job: Job, task: Task) -> Found:
-    """Do a task."""
+    """Do a task.
+
+    Raises
+    ------
+    Stopped
+        It was asked to stop.
+    """
     block = _Block(job, task)
     if len(task.cells):
         block.spread(task.cells, task.q)
-    chart = job.grid.chart
-    for cell in task.lattice:
-        if block.status[tuple(cell - block.origin)] != UNSEEN:
-            continue
-        starts = random_postures(chart, tuple(int(i) for i in cell))
-        q = job.cells.search(job.grid.coordinates(cell[None])[0], starts)
-        if q is not None:
-            block.spread(cell[None], q[None])
+    if len(task.lattice):
+        block.seek(task.lattice, 0, FIRST_STARTS)
+        block.seek(task.lattice, FIRST_STARTS, STARTS)
     return block.found()
 
 
@@ -121,9 +127,34 @@ class _Block:
         self.q[local] = q
         seeds = np.ravel_multi_index(local, self.status.shape)
         ends = self.job.cells.spread(
-            self.values, self.status, self.q, seeds, self.task.label, self.task.done
+            self.values, self.status, self.q, seeds, self.task.label, self.task.signals
         )
         self.ends = np.where(ends == UNTRIED, self.ends, ends)
+
+    def seek(self, lattice: np.ndarray, first: int, last: int) -> None:
+        """Go on from closed postures found at unseen cells (n, k), from some of their starts."""
+        unseen = lattice[self.status[tuple((lattice - self.origin).T)] == UNSEEN]
+        cells, q = [unseen[:0]], [np.zeros((0, self.q.shape[-1]))]
+        for begin in range(0, len(unseen), _TOGETHER):
+            some = unseen[begin : begin + _TOGETHER]
+            starts = [
+                random_postures(self.job.grid.chart, tuple(int(i) for i in cell))[first:last]
+                for cell in some
+            ]
+            result = self.job.cells.search(self.job.grid.coordinates(some), np.array(starts))
+            cells.append(some[result.found])
+            q.append(result.q[result.found])
+            self.task.signals.note()
+        if len(every := np.concatenate(cells)):
+            self.spread(every, np.concatenate(q))
+
+    def _measured(self, q: np.ndarray) -> dict[str, np.ndarray]:
+        parts = []
+        for begin in range(0, max(len(q), 1), _MEASURED):
+            self.task.signals.note()
+            part = q[begin : begin + _MEASURED]
+            parts.append(self.job.measures.at(self.job.grid.chart, part))
+        return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
     def found(self) -> Found:
         """What was added to the map."""
@@ -146,7 +177,7 @@ class _Block:
             status=found,
             ended=ended,
             ends=ends[ended],
-            measures=job.cells.measures(q) if branch else {},
+            measures=self._measured(q) if branch else {},
             q=q if branch and job.keep_q else None,
             edge=cells[edge],
             edge_q=q[edge],

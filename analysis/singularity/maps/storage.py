@@ -12,7 +12,7 @@ import numpy as np
 
 from closedchain.analysis.singularity.maps.grid import NOT_CONVERGED, OK, UNREACHABLE, UNSEEN
 from closedchain.analysis.singularity.maps.tiles import Found, Index, Tiles
-from closedchain.closure.batch.codes import FOLD, STUCK, UNTRIED
+from closedchain.closure.solve.flood import EXPLAINS, STUCK, UNTRIED
 from closedchain.urdf.errors import ClosureError
 
 _SHARE = 0.8  # of the free memory that a map may take
@@ -52,14 +52,14 @@ class Store:
         self.arrays[name][where] = part
 
     def _put_ends(self, tile: Index, found: Found) -> None:
-        """A way that ended at a singularity explains a cell, whatever other ways met."""
+        """Of the ways into a cell, keep the ending that explains most."""
         if not len(found.ended):
             return
         where = self.tiles.slices(tile)
         part = np.array(self.arrays["ends"][where])
         flat = part.reshape(-1)
         old = flat[found.ended]
-        flat[found.ended] = np.where((old == UNTRIED) | (found.ends == FOLD), found.ends, old)
+        flat[found.ended] = np.where(EXPLAINS[found.ends] > EXPLAINS[old], found.ends, old)
         self.arrays["ends"][where] = part
 
     def finish(self, tile: Index) -> None:

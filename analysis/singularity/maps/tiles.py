@@ -15,7 +15,7 @@ import numpy as np
 
 from closedchain.urdf.errors import ClosureError
 
-TILE_CELLS = 4096
+TILE_CELLS = 16384
 """Cells of a tile, about, where nothing else is asked for."""
 
 Index = tuple[int, ...]
@@ -133,7 +133,7 @@ class Found:
         Cells that got a status, by their row-major position in the tile.
     status : (n,) int8 array
     ended, ends : (m,) arrays
-        Cells, likewise, that no way led into, and how these ended (``closure.batch.codes``).
+        Cells, likewise, that no way led into, and how these ended (codes of ``Ending``).
     measures : mapping of name to (n_ok,) array
         At the cells whose status is ok, in the order of ``cells``.
     q : (n_ok, nq) array, or None where the postures are not kept

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from closedchain.analysis.singularity.bulk.measuring import bulk_measures
 from closedchain.analysis.singularity.classify import SINGULAR, classify
 from closedchain.analysis.singularity.maps.measures import KINDS
 from closedchain.analysis.singularity.sets.bordered import Measure
@@ -30,14 +31,12 @@ class Kinds:
 def classified(mechanism: Mechanism, q: np.ndarray, outputs: tuple[str, ...]) -> list[Kinds]:
     """Classify closed postures (n, nq), unchecked.
 
-    Singular values come from the batch kernel, null spaces from LAPACK over many postures. Where
+    Singular values come in bulk, null spaces from LAPACK over many postures. Where
     a decision is close, or closures themselves are singular, ``classify`` takes it.
     """
-    from closedchain.closure.batch import Batch
-
     if not len(q):
         return []
-    found = Batch(mechanism, None, outputs).measures(q)
+    found = bulk_measures(mechanism, outputs).measures(q)
     sigmas = np.stack([found[f"sigma_{kind}"] for kind in KINDS], axis=1)
     out = []
     for begin in range(0, len(q), CHUNK):

@@ -68,7 +68,7 @@ def _zeros(system: Slice, lattice: Lattice, kind: str, edges: Edges) -> np.ndarr
 
     Regula falsi with the Illinois rule, and a halving wherever that is slow.
     """
-    batch, n = lattice.kernel.batch, len(edges)
+    n = len(edges)
     name = f"det_{kind}"
     low, high = lattice.place(edges.lower), lattice.place(edges.upper)
     at_low, at_high = (
@@ -94,10 +94,10 @@ def _zeros(system: Slice, lattice: Lattice, kind: str, edges: Edges) -> np.ndarr
         t = np.where(halve[i], 0.5, np.clip(f[i] / (f[i] - g[i]), 1e-3, 1.0 - 1e-3))
         t = a[i] + t * width
         c = low[i] + t[:, None] * (high[i] - low[i])
-        q, refused = batch.solve(best[i], c)
+        q, refused = lattice.follow(best[i], c)
         with np.errstate(invalid="ignore"):
-            h = lattice.kernel.determinants(q)[name]
-        good = (refused == 0) & np.isfinite(h)
+            h = lattice.determinants(q)[name]
+        good = ~refused & np.isfinite(h)
         failed[i[~good]] = True
         running[i[~good]] = False
         i, t, h, width = i[good], t[good], h[good], width[good]
@@ -123,14 +123,14 @@ def _ends(system: Slice, lattice: Lattice, kind: str, edges: Edges) -> np.ndarra
     inner = np.where(first[:, None], edges.lower, edges.upper)
     outer = np.where(first[:, None], edges.upper, edges.lower)
     begin, target = lattice.place(inner), lattice.place(outer)
-    q, refused = lattice.kernel.batch.solve(lattice.q[tuple(inner.T)], target)
+    q, refused = lattice.follow(lattice.q[tuple(inner.T)], target)
     z = system.point(q, 0.5 * (begin + target))
     index = np.arange(len(edges))
     # the coordinates across the edge are those of the edge
     z[:, lattice.q.shape[-1] :] = np.where(
         np.arange(begin.shape[1]) == edges.axis[:, None], z[:, lattice.q.shape[-1] :], begin
     )
-    good = refused != 0
+    good = refused
     out = np.full_like(z, np.nan)
     chosen = index[good]
     for some in np.array_split(chosen, max(1, -(-len(chosen) // CHUNK))):
@@ -200,7 +200,7 @@ def _checked(lattice: Lattice, kind: str, z: np.ndarray, found: np.ndarray) -> n
     out = np.full_like(z, np.nan)
     chosen = np.flatnonzero(found & np.isfinite(z).all(axis=1))
     if chosen.size:
-        measures = lattice.kernel.measures(z[chosen, : lattice.q.shape[-1]])
+        measures = lattice.measures(z[chosen, : lattice.q.shape[-1]])
         good = (measures[f"sigma_{kind}"] < ZERO) & (measures["residual"] < CLOSED)
         out[chosen[good]] = z[chosen[good]]
     return out

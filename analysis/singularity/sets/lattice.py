@@ -2,23 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from closedchain.analysis.first_order import first_order
+from closedchain.analysis.first_order import OPEN, first_order
+from closedchain.analysis.singularity.bulk.measuring import bulk_measures
 from closedchain.analysis.singularity.classify import SINGULAR
 from closedchain.analysis.singularity.maps.grid import OK, Grid, Progress
-from closedchain.analysis.singularity.maps.measures import KINDS
+from closedchain.analysis.singularity.maps.measures import KINDS, oriented
+from closedchain.analysis.singularity.sets.postures_at import kinematics
 from closedchain.closure.chart import Chart
 from closedchain.closure.generic import generic_ranks
+from closedchain.closure.solve.outcome import Ending
+from closedchain.closure.solve.path import follower_of
+from closedchain.closure.solve.ways import follow
 
-if TYPE_CHECKING:
-    from closedchain.analysis.singularity.maps.kernel_cells import KernelCells
+Measuring = Callable[[np.ndarray], dict[str, np.ndarray]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,12 +73,33 @@ class Lattice:
         """Which cells belong to the branch."""
         return np.asarray(self.status == OK)
 
-    @cached_property
-    def kernel(self) -> KernelCells:
-        """The compiled kernel of the chart."""
-        from closedchain.analysis.singularity.maps.kernel_cells import KernelCells
+    def follow(self, q: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Follow branches from postures (n, nq) to coordinates (n, k).
 
-        return KernelCells(self.chart, self.outputs)
+        Returns the last postures on the ways, (n, nq), and which did not arrive, (n,) of bool.
+        """
+        problem = self.chart.problem
+        here = follower_of(problem).place.run(np.ascontiguousarray(q.T)).T
+        way = follow(problem, q, np.ascontiguousarray(here), self.chart.targets(values))
+        return way.q, way.codes != Ending.ARRIVED.code
+
+    def measures(self, q: np.ndarray) -> dict[str, np.ndarray]:
+        """Measures (n,) of postures (n, nq); NaN, but for the residual, where one is not closed."""
+        return self._measured(q, bulk_measures(self.chart.mechanism, self.outputs).measures)
+
+    def determinants(self, q: np.ndarray) -> dict[str, np.ndarray]:
+        """The same for the determinants and the residual alone."""
+        return self._measured(q, bulk_measures(self.chart.mechanism, self.outputs).determinants)
+
+    def _measured(self, q: np.ndarray, of: Measuring) -> dict[str, np.ndarray]:
+        at = kinematics(self.chart.mechanism, q, tip=False)
+        gap = np.abs(at.residual * self.chart.mechanism.row_scale).max(axis=1, initial=0.0)
+        closed = gap <= OPEN
+        found = {}
+        for name, values in oriented(self.chart, of(q[closed])).items():
+            found[name] = np.full(len(q), np.nan)
+            found[name][closed] = values
+        return found | {"residual": gap}
 
     @cached_property
     def cells(self) -> np.ndarray:
@@ -102,19 +127,20 @@ def lattice_on(grid: Grid, outputs: tuple[str, ...], progress: Progress | None =
         The cells nearest to the start cannot be reached from it, or memory does not suffice.
     """
     from closedchain.analysis.singularity.maps.anchor import anchor_of
+    from closedchain.analysis.singularity.maps.choice import chosen
     from closedchain.analysis.singularity.maps.journal import InMemory
+    from closedchain.analysis.singularity.maps.mapping import warm
     from closedchain.analysis.singularity.maps.rounds import fill
     from closedchain.analysis.singularity.maps.scheduling import crew
     from closedchain.analysis.singularity.maps.spreading import Job
     from closedchain.analysis.singularity.maps.storage import in_memory
     from closedchain.analysis.singularity.maps.tiles import tiles_of
 
-    job = Job(grid, tiles_of(grid.shape, None, grid.names), outputs, keep_q=True, explained=False)
+    choice = chosen(grid.chart.mechanism, outputs, grid.names, None)
+    job = Job(grid, tiles_of(grid.shape, None, grid.names), choice, keep_q=True)
     anchor = anchor_of(grid)
-    if progress is not None and not job.cells.compiled():
-        progress("compiling the kernel, once on this machine", 0, 0)
-    names = tuple(job.cells.measures(grid.start[None]))
-    store = in_memory(job.tiles, names, grid.start.size, keep_q=True)
+    store = in_memory(job.tiles, choice.every, grid.start.size, keep_q=True)
+    warm(job, progress, search=False)
     with crew(job) as workers:
         fill(job, anchor, store, InMemory(), workers, progress, others=False)
     return lattice_of(grid, store.arrays, outputs)

@@ -63,8 +63,8 @@ def met(system: Slice, lattice: Lattice, z: np.ndarray) -> bool:
     if not len(cells):
         return False
     short = place + SHORT * (lattice.place(cells) - place)
-    q, refused = lattice.kernel.batch.solve(lattice.q[tuple(cells.T)], short)
-    for start in system.point(q, short)[refused == 0]:
+    q, refused = lattice.follow(lattice.q[tuple(cells.T)], short)
+    for start in system.point(q, short)[~refused]:
         found = settle(system, start)
         there = found.posture
         if not found.good or np.abs(system.difference(start, there)).max() > STANDING:
@@ -90,15 +90,15 @@ def along(system: Slice, lattice: Lattice, points: np.ndarray) -> np.ndarray:
 def _leads(system: Slice, lattice: Lattice, cells: np.ndarray, points: np.ndarray) -> np.ndarray:
     """Whether ways from cells (n, k) lead to points (n, nq + k), (n,) of bool."""
     start, target = lattice.q[tuple(cells.T)], system.coordinates(points)
-    q, refused = lattice.kernel.batch.solve(start, target)
+    q, refused = lattice.follow(start, target)
     gap = np.abs(system.difference(points, system.point(q, target))).max(axis=1)
     # how much of the way is left, by the rows that would be zero at its end
     left, whole = (_off(lattice, one, target) for one in (q, start))
     share = np.divide(left, whole, out=np.zeros_like(left), where=whole > 0.0)
     # short of a fold by the share s of the way, postures differ like the root of s
     merging = MERGING + 2.0 * np.sqrt(np.maximum(share, CLOSE))
-    ended = (refused != 0) & (share <= SHORT) & (gap < merging)
-    return np.asarray(((refused == 0) & (gap < SAME)) | ended)
+    ended = (refused) & (share <= SHORT) & (gap < merging)
+    return np.asarray(((~refused) & (gap < SAME)) | ended)
 
 
 def _off(lattice: Lattice, q: np.ndarray, target: np.ndarray) -> np.ndarray:

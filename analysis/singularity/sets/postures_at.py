@@ -1,6 +1,6 @@
 """What measures and equations need at a posture, or at many of them: closures, tip, steps.
 
-One posture goes through Pinocchio, many through the batch kernel.
+One posture goes through Pinocchio, many through machine code.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ import numpy as np
 import pinocchio as pin
 
 from closedchain.closure.mechanism import Mechanism
+from closedchain.closure.solve.system import code_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,14 +43,10 @@ def kinematics(mechanism: Mechanism, q: np.ndarray, *, tip: bool) -> Kinematics:
     """Evaluate closures and, where asked for, the tip at ``q`` (nq,) or (n, nq), unchecked."""
     if q.ndim == 1:
         values, jacobian = mechanism.workspace.evaluate(q)
+        unit = mechanism.row_scale
+        residual, closures = values / unit, jacobian * mechanism.column_scale / unit[:, None]
     else:
-        from closedchain.closure.batch import Batch
-
-        batch = Batch(mechanism)
-        values, jacobian = batch.residuals(q), batch.jacobians(q)
-    unit = mechanism.row_scale
-    residual = values / unit
-    closures = jacobian * mechanism.column_scale / unit[:, None]
+        residual, closures = _closures(mechanism, q)
     if not tip:
         some = q.shape[:-1]
         attitude = np.broadcast_to(np.eye(3), (*some, 3, 3))
@@ -64,6 +61,16 @@ def kinematics(mechanism: Mechanism, q: np.ndarray, *, tip: bool) -> Kinematics:
         pin.computeJointJacobians(mechanism.model, mechanism.workspace.data, one)
         moves[i], place[i], attitude[i] = _tip(mechanism)
     return Kinematics(residual, closures, moves, place, attitude)
+
+
+def _closures(mechanism: Mechanism, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Dimensionless residual (n, rows) and K (n, rows, nv) of postures (n, nq)."""
+    code = code_of(mechanism, ())
+    numbers = code.code.run(np.ascontiguousarray(q.T)).T
+    rows = mechanism.rows
+    closures = np.zeros((len(q), rows, mechanism.model.nv))
+    closures[:, code.places[0], code.places[1]] = numbers[:, rows:]
+    return numbers[:, :rows] / mechanism.row_scale, closures
 
 
 def _tip(mechanism: Mechanism) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

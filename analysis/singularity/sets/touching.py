@@ -129,13 +129,13 @@ def _least(
     start = lattice.q[tuple(cells.T)]
     down, up = (lattice.place(cells + s * step) - c for s in (-1, 1))
     at_cell = lattice.sigma[kind][tuple(cells.T)]
-    batch, name = lattice.kernel.batch, f"sigma_{kind}"
+    name = f"sigma_{kind}"
 
     def look(i: np.ndarray, t: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         goal = c[i] + np.where(t[:, None] < 0.0, -t[:, None] * down[i], t[:, None] * up[i])
-        q, refused = batch.solve(start[i], goal)
-        found = lattice.kernel.measures(q)
-        bad = (refused != 0) | ~(found["residual"] < CLOSED)
+        q, refused = lattice.follow(start[i], goal)
+        found = lattice.measures(q)
+        bad = refused | ~(found["residual"] < CLOSED)
         return np.where(bad, np.inf, found[name]), q, goal
 
     a, b = -np.ones(n), np.ones(n)
