@@ -19,7 +19,8 @@ def residual(mechanism: Mechanism, q: ArrayLike) -> np.ndarray:
     -------
     (rows,) array
         In the order of ``mechanism.closures``: lengths [m] along the axes of frame 1, then angles
-        [rad] (cosines of angles that must be right; for a fixed closure log6 of the gap).
+        [rad] (cosines of angles that must be right; for a fixed closure log6 of the gap, where the
+        table of joint kinds has a Rodrigues vector that agrees with it to first order).
 
     Raises
     ------

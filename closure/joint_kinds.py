@@ -249,8 +249,11 @@ def rodrigues(r: Matrix) -> list[Scalar]:
     ]
 
 
+_AXES = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+
+
 def _axis(a: int) -> list[float]:
-    return [1.0 if k == a else 0.0 for k in range(3)]
+    return list(_AXES[a])
 
 
 def _cross_axis(u: Vector, a: int) -> list[Scalar]:

@@ -12,8 +12,8 @@ import numpy as np
 import pinocchio as pin
 
 from closedchain.closure.closures import Closure
-from closedchain.closure.tape.jets import Jet, jets, rate_of
-from closedchain.closure.tape.vectors import add, cross, dot, matmul
+from closedchain.closure.tape.jets import jets, parts
+from closedchain.closure.tape.vectors import add, cross, matmul
 
 
 def cut_values(closure: Closure, gap: pin.SE3) -> list[float]:
@@ -31,8 +31,8 @@ def cut_rows(closure: Closure, gap: pin.SE3) -> tuple[list[float], np.ndarray]:
     return kind.values(p, r, closure.sizes), np.array(wrenches)
 
 
-def cut_drift(closure: Closure, gap: pin.SE3, twist: np.ndarray, rate: np.ndarray) -> list[float]:
-    """Second derivative (rows) for a twist (6,) and its rate (6,), both seen in frame 1.
+def cut_drift(closure: Closure, gap: pin.SE3, twist: np.ndarray, rate: np.ndarray) -> np.ndarray:
+    """Second derivative (rows,) for a twist (6,) and its rate (6,), both seen in frame 1.
 
     The rates of the wrenches are those of the same algebra, run on jets.
     """
@@ -44,17 +44,9 @@ def cut_drift(closure: Closure, gap: pin.SE3, twist: np.ndarray, rate: np.ndarra
     spin = [[0.0, -w[2], w[1]], [w[2], 0.0, -w[0]], [-w[1], w[0], 0.0]]
     moving_r = [jets(row, rates) for row, rates in zip(r, matmul(spin, r), strict=True)]
     wrenches = closure.joint_kind.wrenches(jets(p, velocity), moving_r, closure.sizes)
-    return [
-        dot([_value(x) for x in f], acceleration)
-        + dot([_value(x) for x in m], w_rate)
-        + dot([rate_of(x) for x in f], velocity)
-        + dot([rate_of(x) for x in m], w)
-        for f, m in wrenches
-    ]
-
-
-def _value(number: Any) -> float:
-    return float(number.value) if isinstance(number, Jet) else float(number)
+    still, moving = np.array(parts([x for f, m in wrenches for x in (*f, *m)])).T
+    found: np.ndarray = still.reshape(-1, 6) @ [*acceleration, *w_rate]
+    return found + moving.reshape(-1, 6) @ [*velocity, *w]
 
 
 def least_sense(closure: Closure, gap: pin.SE3) -> float:

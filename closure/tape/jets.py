@@ -7,18 +7,24 @@ derivative is written by hand.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 from closedchain.closure.tape.vectors import Scalar
 
 
-@dataclass(frozen=True, slots=True)
 class Jet:
     """A value that moves at a rate."""
 
-    value: Scalar
-    rate: Scalar
+    __slots__ = ("rate", "value")
+
+    def __init__(self, value: Scalar, rate: Scalar) -> None:
+        """Pair a value with its rate."""
+        self.value = value
+        self.rate = rate
+
+    def __repr__(self) -> str:
+        """Value and rate."""
+        return f"Jet({self.value!r}, {self.rate!r})"
 
     def __neg__(self) -> Jet:
         """Return -x."""
@@ -63,9 +69,9 @@ def jets(values: Sequence[Scalar], rates: Sequence[Scalar]) -> list[Jet]:
     return [Jet(value, rate) for value, rate in zip(values, rates, strict=True)]
 
 
-def rate_of(number: Any) -> Scalar:
-    """Rate of a jet; 0 for what does not move."""
-    return _parts(number)[1]
+def parts(numbers: Sequence[Any]) -> list[tuple[Scalar, Scalar]]:
+    """Value and rate of each number; what is no jet does not move."""
+    return [(x.value, x.rate) if type(x) is Jet else (x, 0.0) for x in numbers]
 
 
 def _parts(number: Any) -> tuple[Scalar, Scalar]:

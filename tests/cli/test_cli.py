@@ -95,6 +95,35 @@ def test_info_of_a_file_of_ones_own(slider: Path) -> None:
     assert found["inputs"][0]["unit"] == "rad"
 
 
+def test_info_of_rods_and_relations(tmp_path: Path) -> None:
+    limit = '<limit lower="-7" upper="7" effort="1" velocity="1"/>'
+    joints = "".join(
+        f'<link name="l{n}"/><joint name="{n}" type="revolute"><parent link="base"/>'
+        f'<child link="l{n}"/><origin xyz="{x} 0 0"/><axis xyz="0 0 1"/>{limit}</joint>'
+        for n, x in (("a", 0), ("d", 0.4), ("e", 0.8))
+    )
+    path = tmp_path / "rods.urdf"
+    path.write_text(
+        f"""<robot name="rods"><link name="base"/>{joints}
+  <constraint name="rod" type="distance" length="0.35">
+    <parent link="la"/><parent_origin xyz="0.15 0 0"/>
+    <child link="ld"/><child_origin xyz="0.3 0 0"/></constraint>
+  <constraint name="sum" type="linear">
+    <joint name="e"/><joint name="a" multiplier="-2"/><joint name="d"/></constraint>
+  <transmission name="q"><joint name="a"/></transmission>
+  <group_state name="home"><joint name="a" value="1.1"/><joint name="d" value="1.7"/>
+  </group_state></robot>"""
+    )
+    found = data("info", str(path))["closures"]
+    assert [tuple(c.values()) for c in found] == [
+        ("rod", "distance", 1, "la", "ld"),
+        ("sum", "linear", 1, "a d", "e"),
+    ]
+    text = good("info", str(path))
+    for piece in ("distance", "linear", "mobility 1", "1SS", "SS is a rod between two balls"):
+        assert piece in text
+
+
 def test_parameters_and_variants() -> None:
     assert data("info", "d1", "--set", "radius_R=0.24")["parameters"]["radius_R"] == 0.24
     printed = data("info", "d1", "--variant", "printed_u")["inputs"]

@@ -8,6 +8,8 @@ import numpy as np
 from conftest import assert_close
 
 import closedchain as cc
+from closedchain.urdf import ClosureType
+from closedchain.urdf.constraint_element import SPELLINGS
 
 # -- writing small mechanisms ---------------------------------------------------------------------
 
@@ -25,14 +27,15 @@ def joint(
 
 
 def loop(
-    kind: str, parent: str, at1: str, child: str, at2: str,
+    kind: ClosureType, parent: str, at1: str, child: str, at2: str,
     axis1: str = "0 0 1", axis2: str = "0 0 1",
 ) -> str:  # fmt: skip
-    one = two = ""
-    if kind not in ("spherical", "fixed"):
-        one, two = f'<parent_axis xyz="{axis1}"/>', f'<child_axis xyz="{axis2}"/>'
+    spelling = SPELLINGS[kind]
+    one = f'<parent_axis xyz="{axis1}"/>' if spelling.parent_axis else ""
+    two = f'<child_axis xyz="{axis2}"/>' if spelling.child_axis != "none" else ""
+    sizes = "".join(f' {size}="0.7"' for size in spelling.sizes)
     return (
-        f'<constraint name="loop" type="{kind}">'
+        f'<constraint name="loop" type="{kind}"{sizes}>'
         f'<parent link="{parent}"/><parent_origin xyz="{at1}"/>{one}'
         f'<child link="{child}"/><child_origin xyz="{at2}"/>{two}</constraint>'
     )

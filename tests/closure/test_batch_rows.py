@@ -21,10 +21,10 @@ from closedchain.closure.batch import Batch
 from closedchain.urdf.description import ClosureType
 from closedchain.urdf.errors import ClosureError
 
-KINDS: tuple[ClosureType, ...] = get_args(ClosureType)
+KINDS: tuple[ClosureType, ...] = tuple(k for k in get_args(ClosureType) if k != "distance")
 
 
-def loose(kind: str) -> cc.Mechanism:
+def loose(kind: ClosureType) -> cc.Mechanism:
     """One closure of a kind between an arm of skew joints and a floating body; all of it closes."""
     second = "0.6 0.8 0" if kind == "prismatic" else "0 -0.6 0.8"
     parts = [

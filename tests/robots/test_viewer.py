@@ -79,6 +79,17 @@ def test_mechanism_without_visuals_is_drawn_as_sticks() -> None:
     assert "<h1>&lt;two bars&gt;</h1>" in page
 
 
+def test_a_rod_is_drawn_though_it_is_no_body() -> None:
+    """Also between bodies that have visuals of their own."""
+    rod = STICKS.replace('"ground" type="revolute"', '"ground" type="distance" length="0.6"')
+    rod = re.sub(r"<(parent|child)_axis [^>]*>", "", rod)
+    assert drawn(static_page(cc.load_urdf(rod))).count("CylinderGeometry") == 4
+    shape = '<visual><geometry><sphere radius="0.1"/></geometry></visual>'
+    for link in ("one", "two"):
+        rod = rod.replace(f'<link name="{link}"/>', f'<link name="{link}">{shape}</link>')
+    assert drawn(static_page(cc.load_urdf(rod))).count("CylinderGeometry") == 2  # rod and base
+
+
 def test_visuals_that_cannot_be_read_fall_back_to_sticks(d1: cc.Mechanism) -> None:
     mesh = '<visual><geometry><mesh filename="none.stl"/></geometry></visual>'
     mechanism = cc.load_urdf(

@@ -234,6 +234,27 @@ def test_a_closure_survives_writing_and_reading(kind, name, parent, child, first
     assert read_constraint(etree.fromstring(constraint_xml(closure))) == closure
 
 
+def test_macros_write_points_and_rods():
+    found = load_description(
+        """<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">
+        <xacro:include filename="$(arg closedchain)/joints.xacro"/>
+        <link name="base"/><link name="arm"/>
+        <xacro:revolute name="a" parent="base" child="arm" axis="0 0 1"/>
+        <xacro:line_closure name="slot" parent="base" child="arm" axis="1 0 0" xyz="0 1 0"/>
+        <xacro:plane_closure name="table" parent="base" child="arm" normal="0 0 1"/>
+        <xacro:rod_closure name="rod" parent="base" child="arm" length="${0.1 + 0.2}"/></robot>"""
+    )
+    assert [(c.name, c.type) for c in found.closures] == [
+        ("slot", "point_on_line"),
+        ("table", "in_plane"),
+        ("rod", "distance"),
+    ]
+    slot, table, rod = found.closures
+    assert (slot.parent_axis, slot.parent_origin.xyz) == ((1, 0, 0), (0, 1, 0))
+    assert (table.parent_axis, table.parent_origin) == ((0, 0, 1), Origin())
+    assert rod.sizes == (("length", 0.1 + 0.2),)
+
+
 numbers = coordinates.filter(lambda x: x != 0.0)
 
 
