@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -217,13 +218,22 @@ class Mechanism:
         """
         array = finite_vector(q, self.model.nq, "configuration q", "nq")
         for start in self._quaternions:
-            norm = float(np.linalg.norm(array[start : start + 4]))
+            four = array[start : start + 4]
+            norm = math.sqrt(four @ four)
             if abs(norm - 1.0) > QUATERNION_TOLERANCE:
                 raise ClosureError(
                     f"q[{start}:{start + 4}] is a quaternion (x y z w) of norm {norm:.6g}; it must "
                     "be 1 (integrate with pin.integrate, never add to q)"
                 )
         return array
+
+    def configurations(self, q: ArrayLike) -> np.ndarray:
+        """Check one configuration (nq,) or many (n, nq). Raises ``ClosureError``."""
+        if np.ndim(q) == 2:
+            return np.array([self.configuration(one) for one in np.asarray(q)]).reshape(
+                -1, self.model.nq
+            )
+        return self.configuration(q)
 
     def tangent(self, v: ArrayLike) -> np.ndarray:
         """Check a velocity: (nv,) finite numbers. Raises ``ClosureError``."""
@@ -240,6 +250,22 @@ class Mechanism:
                 raise ClosureError(f"{what}: no value for input {', '.join(missing)}")
             values = [values[name] for name in self.inputs]
         return finite_vector(values, len(self.inputs), what, " ".join(self.inputs))
+
+    def input_rows(self, values: ArrayLike, what: str) -> np.ndarray:
+        """Check (n, n_inputs) finite numbers. Raises ``ClosureError``."""
+        rows = np.array(values, dtype=float)
+        if rows.ndim != 2 or rows.shape[1] != len(self.inputs):
+            raise ClosureError(
+                f"{what} must be (n, {len(self.inputs)}) ({' '.join(self.inputs)}), got "
+                f"{rows.shape}"
+            )
+        if not np.isfinite(rows).all() or np.abs(rows).max(initial=0.0) > LARGEST_NUMBER:
+            bad = np.flatnonzero(~(np.abs(rows) <= LARGEST_NUMBER).all(axis=1))
+            raise ClosureError(
+                f"{what}: rows {bad[:5].tolist()} have numbers that are not finite, or beyond "
+                f"{LARGEST_NUMBER:g}"
+            )
+        return rows
 
     @cached_property
     def _quaternions(self) -> tuple[int, ...]:
@@ -328,6 +354,10 @@ class Mechanism:
 
 def finite_vector(values: ArrayLike, size: int, what: str, unit: str) -> np.ndarray:
     """Check (size,) finite real numbers; a single one may come bare. Raises ``ClosureError``."""
+    if type(values) is np.ndarray and values.dtype == float and values.shape == (size,):
+        array = values.copy()
+        if math.sqrt(array @ array) <= LARGEST_NUMBER:  # also false for what is not finite
+            return array
     try:
         raw = np.asarray(values)
         if raw.dtype.kind not in "biufO":  # text and complex numbers would be cast silently

@@ -252,5 +252,5 @@ def _report(equations: Equations, found: Descent, points: Mapping[str, ArrayLike
         iterations=found.evaluations,
         message=message + limit_note(beyond),
         beyond_limits=beyond,
-        equations=equations,
+        jacobian=lambda q: equations.evaluate(q)[1],
     )

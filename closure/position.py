@@ -1,34 +1,37 @@
-"""Direct and inverse position problems, solved along the branch of a guess."""
+"""Direct and inverse position problems, solved along the branch of a guess, one or many at once."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from typing import overload
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
+from closedchain.closure.branchless import anywhere, closed_near, not_closed
 from closedchain.closure.constraints import flipped_axes
-from closedchain.closure.continuation import follow
-from closedchain.closure.equations import RESIDUAL_TOLERANCE, Corrected, Equations, correct
 from closedchain.closure.mechanism import Mechanism
-from closedchain.closure.nearest import beyond_limits, limit_note, open_closure
-from closedchain.closure.solution import Solution
-from closedchain.closure.task import Goal, faces_away, goal
-from closedchain.closure.trust_region import Descent, descend
+from closedchain.closure.nearest import beyond_limits, limit_note
+from closedchain.closure.solution import Solution, Solutions
+from closedchain.closure.solve.control import CLOSED
+from closedchain.closure.solve.outcome import Ending
+from closedchain.closure.solve.path import Follower, Single, Way, follower_of
+from closedchain.closure.solve.problem import POSE, Problem, problem_of
+from closedchain.closure.solve.system import System
+from closedchain.closure.solve.ways import follow
+from closedchain.closure.task import goal
 from closedchain.urdf.errors import ClosureError
 
-RESTARTS = 12
-LONGEST_STEP = 1.0  # dimensionless: a characteristic length, or a radian
-MOST_STEPS = 1000  # that this bound may ask for
+LIMIT_TOLERANCE = 1e-9
+ARRIVED = Ending.ARRIVED.code
 
 
 def direct(
     mechanism: Mechanism,
     input_values: ArrayLike | Mapping[str, float],
     guess: ArrayLike | None = None,
-) -> Solution:
+) -> Solution | Solutions:
     """Direct position problem: the posture with given inputs, on the assembly branch of ``guess``.
 
     The inputs move on a straight line from those of the guess; the branch is followed in
@@ -38,13 +41,15 @@ def direct(
     Parameters
     ----------
     input_values : (n_inputs,) array, or mapping of input name to value
-        [m or rad].
+        [m or rad]. (n, n_inputs) for many at once.
     guess : (nq,) array, optional
         Posture whose branch is kept; home by default. It need not be closed to the last digit.
+        (n, nq) gives each of many its own.
 
     Returns
     -------
     Solution
+        ``Solutions`` for many at once.
 
     Raises
     ------
@@ -53,45 +58,52 @@ def direct(
     """
     if not mechanism.inputs:
         raise ClosureError(f"mechanism {mechanism.name!r} has no inputs (<transmission> elements)")
-    target = mechanism.input_vector(input_values, "input values")
-    first = _answered(mechanism, guess)
-    if first is not None:
-        start = first.q
-    else:
-        start = mechanism.home if guess is None else mechanism.configuration(guess)
-    equations = Equations(mechanism, mechanism.passive_v)
-    begin = start[mechanism.input_q]
-
-    def at(q: np.ndarray, t: float) -> tuple[Equations, np.ndarray]:
-        q = q.copy()
-        q[mechanism.input_q] = target if t == 1.0 else begin + t * (target - begin)
-        return equations, q
-
-    first = first or _on_branch(equations, start)
-    if first is None:
-        found = descend(equations, at(start, 1.0)[1])
-        return _not_closed(equations, found, "the guess has no branch: it is singular or open", 0)
-    travel = (target - begin) / mechanism.column_scale[mechanism.input_v]
-    path = follow(at, first, longest=_longest_step(float(np.abs(travel).max())))
-    if path.refusal is None:
-        mechanism.workspace.last_direct = path.last
-        return _solution(equations, path.last, path.evaluations)
-    here = path.last.q[mechanism.input_q]
+    problem = driven(mechanism)
+    if np.ndim(input_values) == 2:  # type: ignore[arg-type]
+        end = mechanism.input_rows(input_values, "input values")
+        return _many(problem, end, guess)
+    end = mechanism.input_vector(input_values, "input values")
+    start = mechanism.home if guess is None else mechanism.configuration(guess)
+    follower = follower_of(problem)
+    found = follower.alone(start, start[mechanism.input_q], end)
+    if _fine(found):
+        return _solution(problem, found)
+    system = System(mechanism, mechanism.passive_v)
+    found, start = _again(problem, system, start, end, found)
+    if _good(found):
+        return _solution(problem, found)
+    if found.reached < 0.0:
+        held = _pinned(mechanism, start, end)
+        return not_closed(system, held, "the guess has no branch: it is singular or open", 0)
+    here = found.q[mechanism.input_q]
     where = ", ".join(f"{n}={x:.6g}" for n, x in zip(mechanism.inputs, here, strict=True))
     why = (
-        f"the straight path of the inputs meets a direct singularity after {path.reached:.1%} of "
+        f"the straight path of the inputs meets a direct singularity after {found.reached:.1%} of "
         f"the way, at {where}"
     )
-    found = descend(equations, at(path.last.q, 1.0)[1])
-    return _not_closed(equations, found, why, path.evaluations)
+    return not_closed(system, _pinned(mechanism, found.q, end), why, found.evaluations)
 
 
+@overload
 def inverse(
     mechanism: Mechanism,
     pose: pin.SE3,
     guess: ArrayLike | None = None,
     outputs: str | tuple[str, ...] | list[str] | None = None,
-) -> Solution:
+) -> Solution: ...
+@overload
+def inverse(
+    mechanism: Mechanism,
+    pose: Sequence[pin.SE3] | np.ndarray,
+    guess: ArrayLike | None = None,
+    outputs: str | tuple[str, ...] | list[str] | None = None,
+) -> Solutions: ...
+def inverse(
+    mechanism: Mechanism,
+    pose: pin.SE3 | Sequence[pin.SE3] | np.ndarray,
+    guess: ArrayLike | None = None,
+    outputs: str | tuple[str, ...] | list[str] | None = None,
+) -> Solution | Solutions:
     """Inverse position problem: a posture with the tip at ``pose``, on the branch of ``guess``.
 
     The tip moves from its pose at the guess: its origin on a straight line, its rotation about a
@@ -101,17 +113,18 @@ def inverse(
     Parameters
     ----------
     pose : pin.SE3
-        Of the tip in the world. Components that are no outputs are not used.
+        Of the tip in the world. Components that are no outputs are not used. For many at once a
+        sequence of them, or an (n, 7) array of origins [m] and unit quaternions x y z w.
     guess : (nq,) array, optional
-        Home by default.
+        Home by default; (n, nq) gives each of many its own.
     outputs : str, optional
         Outputs that are prescribed; those of the task by default.
 
     Returns
     -------
     Solution
-        With fewer outputs than freedoms, the posture is the one that short steps from the guess
-        lead to.
+        ``Solutions`` for many at once. With fewer outputs than freedoms, the posture is the one
+        that short steps from the guess lead to.
 
     Raises
     ------
@@ -119,161 +132,143 @@ def inverse(
         No task, malformed pose, outputs or guess.
     """
     names = mechanism.outputs(outputs)
-    if not isinstance(pose, pin.SE3) or not np.isfinite(pose.homogeneous).all():
-        raise ClosureError(f"pose must be a pin.SE3 of finite numbers, got {pose!r}")
     tip = mechanism.required_task().tip
+    problem = problem_of(mechanism, (), ((tip, names),))
+    if not isinstance(pose, pin.SE3):
+        return _many(problem, _poses(pose), guess)
+    end = pin.SE3ToXYZQUAT(pose)
+    if not np.isfinite(end).all():
+        raise ClosureError(f"pose must be a pin.SE3 of finite numbers, got {pose!r}")
     start = mechanism.home if guess is None else mechanism.configuration(guess)
-    begin = mechanism.pose(start)
-    every = np.arange(mechanism.model.nv)
-    final = goal(mechanism, tip, pose, names)
-
-    def at(q: np.ndarray, t: float) -> tuple[Equations, np.ndarray]:
-        g = final if t == 1.0 else replace(final, target=_between(begin, pose, t))
-        return Equations(mechanism, every, (g,)), q
-
-    first = _on_branch(at(start, 0.0)[0], start)
-    evaluations, why = 0, "the guess is an inverse singularity: no branch to follow"
-    if first is not None:
-        travel = np.linalg.norm(
-            pose.translation - begin.translation
-        ) / mechanism.length + np.linalg.norm(pin.log3(begin.rotation.T @ pose.rotation))
-        path = follow(at, first, longest=_longest_step(float(travel)))
-        if path.refusal is None and not faces_away(mechanism, path.last.q, final):
-            return _solution(at(path.last.q, 1.0)[0], path.last, path.evaluations)
-        evaluations = path.evaluations
-        why = f"the tip's path meets a singularity after {path.reached:.1%} of the way"
-        start = path.last.q
-    return _by_descent(mechanism, at(start, 1.0)[0], start, first is None, why, evaluations)
+    found = follower_of(problem).alone(start, None, end)
+    if _fine(found):
+        return _solution(problem, found)
+    system = System(mechanism, np.arange(mechanism.model.nv), (goal(mechanism, tip, pose, names),))
+    found, start = _again(problem, system, start, end, found)
+    if _good(found) and found.facing >= 0.0:
+        return _solution(problem, found)
+    if found.reached < 0.0:
+        why = "the guess is an inverse singularity: no branch to follow"
+        return anywhere(system, start, why, 0, branchless=True)
+    why = f"the tip's path meets a singularity after {found.reached:.1%} of the way"
+    return anywhere(system, found.q, why, found.evaluations, branchless=False)
 
 
-def _answered(mechanism: Mechanism, guess: object) -> Corrected | None:
-    """Last answer of ``direct``, if the guess is that posture: it need not be closed again."""
-    last: Corrected | None = mechanism.workspace.last_direct
-    if last is None or not isinstance(guess, np.ndarray):
-        return None
-    # an array that nobody can have changed is the same without a look at its numbers
-    unchanged = guess is last.q and not guess.flags.writeable
-    return last if unchanged or np.array_equal(guess, last.q) else None
+def driven(mechanism: Mechanism) -> Problem:
+    """Problem with all inputs prescribed, and nothing else."""
+    return problem_of(mechanism, mechanism.input_v)
 
 
-def _by_descent(
-    mechanism: Mechanism,
-    equations: Equations,
-    start: np.ndarray,
-    branchless: bool,
-    why: str,
-    evaluations: int,
-) -> Solution:
-    """Solve without a branch: from the start, then from starts scattered around it."""
-    best: Descent | None = None
-    for q in _scattered(mechanism, start):
-        found = descend(equations, q)
-        evaluations += found.evaluations
-        good = found.closed and _proper(mechanism, found.q, equations.goals)
-        if best is None or found.residual < best.residual or good:
-            best = found
-        if good:
-            corrected = Corrected(found.q, found.residual, None, evaluations)
-            solution = _solution(equations, corrected, evaluations, f"by descent; {why}")
-            if branchless:
-                return solution
-            message = f"{why}; another branch reaches the pose: give a guess on it"
-            return replace(solution, converged=False, message=message)
-    assert best is not None
-    where = "the joint limits, with a mirrored joint or with the tip reversed"
-    return _not_closed(equations, best, why, evaluations, where)
+def _fine(found: Single) -> bool:
+    """Whether a posture is what was asked for, with nothing to be said about it."""
+    return _good(found) and found.sense >= 0.0 and found.facing >= 0.0
 
 
-def _scattered(mechanism: Mechanism, start: np.ndarray) -> list[np.ndarray]:
-    """The start and the same starts around it each time, wider and wider."""
-    rng = np.random.default_rng(0)
-    starts = [start]
-    for i in range(RESTARTS):
-        v = rng.standard_normal(mechanism.model.nv) * mechanism.column_scale
-        starts.append(pin.integrate(mechanism.model, start, 0.05 * (1 + i) * v))
-    return starts
+def _good(found: Single) -> bool:
+    return found.code == ARRIVED and found.residual < CLOSED
 
 
-def _proper(mechanism: Mechanism, q: np.ndarray, goals: tuple[Goal, ...]) -> bool:
-    """No joint beyond its limits, no mirrored closure, no goal met backwards."""
-    return not (
-        beyond_limits(mechanism, q)
-        or flipped_axes(mechanism, q)
-        or any(faces_away(mechanism, q, g) for g in goals)
-    )
+def _again(
+    problem: Problem, system: System, start: np.ndarray, end: np.ndarray, found: Single
+) -> tuple[Single, np.ndarray]:
+    """What a way that did not arrive leads to from a guess closed first, or with other rows."""
+    follower = follower_of(problem)
+    if found.reached < 0.0:
+        closed = closed_near(problem, start)
+        if closed is None:
+            return found, start
+        start = closed
+        found = follower.alone(start, None, end)
+    if problem.redundant and not _good(found) and found.reached >= 0.0:
+        place = follower.place.run(start[:, None]).T
+        way = follow(problem, start[None], place, end[None])
+        found = _checked(follower, way, end)
+    return found, start
 
 
-def _longest_step(travel: float) -> float:
-    """Share of a dimensionless ``travel`` that one step may cover."""
-    return float(np.clip(LONGEST_STEP / travel, MOST_STEPS**-1, 1.0)) if travel > 0.0 else 1.0
+def _checked(follower: Follower, way: Way, end: np.ndarray) -> Single:
+    told = follower.check.run(np.concatenate([way.q[0], end])[:, None])[:, 0]
+    reached = float(way.reached[0]) if way.started[0] else -1.0
+    numbers = (int(way.codes[0]), float(way.det[0]), int(way.evaluations[0]))
+    return Single(way.q[0], reached, *numbers, *told.tolist())
 
 
-def _between(begin: pin.SE3, end: pin.SE3, t: float) -> pin.SE3:
-    """Pose at share ``t`` of the way: straight line, rotation about a fixed axis."""
-    turn = pin.log3(begin.rotation.T @ end.rotation)
-    return pin.SE3(
-        begin.rotation @ pin.exp3(t * turn),
-        (1.0 - t) * begin.translation + t * end.translation,
-    )
+def _pinned(mechanism: Mechanism, q: np.ndarray, values: np.ndarray) -> np.ndarray:
+    q = q.copy()
+    q[mechanism.input_q] = values
+    return q
 
 
-def _on_branch(equations: Equations, q: np.ndarray) -> Corrected | None:
-    """Close the guess on its branch; None where it is singular or does not close nearby."""
-    first = correct(equations, q)
-    if first.refusal in {"step", "slow"}:
-        found = descend(equations, q)
-        if not found.closed:
-            return None
-        first = correct(equations, found.q)
-    return first if first.refusal is None else None
-
-
-def _solution(
-    equations: Equations,
-    found: Corrected,
-    evaluations: int,
-    how: str = "on the branch of the guess",
-) -> Solution:
-    mechanism = equations.mechanism
-    beyond = beyond_limits(mechanism, found.q)
-    flipped = flipped_axes(mechanism, found.q) if mechanism.workspace.cuts else []
-    message = f"closed to {found.residual:.1e} {how}{limit_note(beyond)}"
-    if flipped:
-        message = f"closes only with a mirrored joint: closure {', '.join(flipped)}"
+def _solution(problem: Problem, found: Single) -> Solution:
+    mechanism = problem.mechanism
+    beyond = beyond_limits(mechanism, found.q) if found.beyond < -LIMIT_TOLERANCE else ()
+    message = f"closed to {found.residual:.1e} on the branch of the guess{limit_note(beyond)}"
+    ending = Ending.ARRIVED
+    if found.sense < 0.0:
+        flipped = ", ".join(flipped_axes(mechanism, found.q))
+        message, ending = f"closes only with a mirrored joint: closure {flipped}", Ending.MIRRORED
     return Solution(
         q=found.q,
         residual=found.residual,
-        converged=not flipped and found.residual < RESIDUAL_TOLERANCE,
-        iterations=evaluations,
+        converged=ending is Ending.ARRIVED,
+        iterations=found.evaluations,
         message=message,
-        branch=found.branch,
+        branch=_side(problem, found.det),
         beyond_limits=beyond,
-        equations=equations,
+        ending=ending,
+        jacobian=problem.jacobian_at,
     )
 
 
-def _not_closed(
-    equations: Equations,
-    found: Descent,
-    why: str,
-    evaluations: int,
-    where: str = "that singularity",
-) -> Solution:
-    mechanism = equations.mechanism
-    loops = found.values[: mechanism.rows]
-    if found.closed:
-        message = f"{why}; the loops close there only beyond {where}"
-    elif loops.size and np.abs(loops).max() >= RESIDUAL_TOLERANCE:
-        message = f"{why}; out of reach: {open_closure(mechanism, loops)}"
+def _side(problem: Problem, det: float) -> int | None:
+    """Sign of a determinant, where there is one: all rows kept, as many as unknowns."""
+    if problem.redundant or not problem.square:
+        return None
+    return -1 if det < 0.0 else 1
+
+
+def _many(problem: Problem, end: np.ndarray, guess: ArrayLike | None) -> Solutions:
+    mechanism, n = problem.mechanism, len(end)
+    start = mechanism.home if guess is None else mechanism.configurations(guess)
+    if start.ndim == 2 and len(start) != n:
+        raise ClosureError(f"got {n} requests and {len(start)} guesses")
+    start = np.broadcast_to(start, (n, mechanism.model.nq))
+    follower = follower_of(problem)
+    begin = follower.place.run(np.ascontiguousarray(start.T)).T
+    way = follow(problem, start, begin, end)
+    told = follower.check.run(np.concatenate([way.q.T, end.T]))
+    codes = np.where(way.started, way.codes, Ending.OPEN_START.code)
+    arrived = codes == ARRIVED
+    codes[arrived & ~(told[0] < CLOSED)] = Ending.CONTRADICTION.code
+    codes[arrived & (told[1] < 0.0)] = Ending.MIRRORED.code
+    codes[arrived & (told[2] < 0.0)] = Ending.REVERSED.code
+    square = problem.square and not problem.redundant
+    return Solutions(
+        q=way.q,
+        residual=told[0],
+        branch=np.sign(way.det).astype(int) * int(square),
+        codes=codes,
+        reached=way.reached,
+        evaluations=int(way.evaluations.sum()),
+        within=told[3],
+    )
+
+
+def _poses(poses: Sequence[pin.SE3] | np.ndarray) -> np.ndarray:
+    """Targets (n, POSE) of poses. Raises ``ClosureError``."""
+    if isinstance(poses, np.ndarray) and poses.dtype != object:
+        found = np.array(poses, dtype=float)
+    elif isinstance(poses, Sequence) and all(isinstance(pose, pin.SE3) for pose in poses):
+        found = np.array([pin.SE3ToXYZQUAT(pose) for pose in poses]).reshape(-1, POSE)
     else:
-        message = f"{why}; out of reach: the tip stays off by {found.residual:.3g}"
-    beyond = beyond_limits(mechanism, found.q)
-    return Solution(
-        q=found.q,
-        residual=found.residual,
-        converged=False,
-        iterations=evaluations + found.evaluations,
-        message=message + limit_note(beyond),
-        beyond_limits=beyond,
-        equations=equations,
-    )
+        raise ClosureError(
+            f"pose must be a pin.SE3, a sequence of them, or an (n, 7) array; got {poses!r}"
+        )
+    if found.ndim != 2 or found.shape[1] != POSE or not np.isfinite(found).all():
+        raise ClosureError(
+            f"pose must be a pin.SE3, or (n, {POSE}) finite numbers; got an array {found.shape}"
+        )
+    norms = np.linalg.norm(found[:, 3:], axis=1)
+    if (abs(norms - 1.0) > 1e-6).any():
+        raise ClosureError("poses need unit quaternions x y z w in columns 3 to 6")
+    return found

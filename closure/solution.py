@@ -1,15 +1,19 @@
-"""The result of a position solver: a posture and everything needed to trust it or not."""
+"""The results of position solvers: postures and everything needed to trust them or not."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 
-from closedchain.closure.equations import Equations
 from closedchain.closure.ranks import Rank, numerical_rank
+from closedchain.closure.solve.outcome import Ending, Outcome
 from closedchain.urdf.errors import ClosureError
+
+Jacobian = Callable[[np.ndarray], np.ndarray]
+"""Scaled Jacobian (rows, unknowns) of what was solved, at a posture (nq,)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,8 +37,10 @@ class Solution:
         None where the equations are not square.
     beyond_limits : tuple of str
         Joints outside their limits.
-    equations : Equations or None
-        What was solved, for the rank.
+    ending : Ending
+        Why the solver ended.
+    jacobian : callable or None
+        Of what was solved, for the rank.
     """
 
     q: np.ndarray
@@ -44,7 +50,8 @@ class Solution:
     message: str
     branch: int | None = None
     beyond_limits: tuple[str, ...] = ()
-    equations: Equations | None = field(default=None, repr=False)
+    ending: Ending = Ending.ARRIVED
+    jacobian: Jacobian | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         """Write-protect the posture: a solution is a value."""
@@ -53,9 +60,9 @@ class Solution:
     @cached_property
     def rank_decision(self) -> Rank:
         """Rank of the scaled equations at ``q`` in the unknowns solved for, with its gap."""
-        if self.equations is None:
+        if self.jacobian is None:
             return Rank(0, 0.0, 0.0)
-        return numerical_rank(self.equations.evaluate(self.q)[1])
+        return numerical_rank(self.jacobian(self.q))
 
     @property
     def rank(self) -> int:
@@ -67,3 +74,37 @@ class Solution:
         if not self.converged:
             raise ClosureError(self.message)
         return self
+
+
+@dataclass(frozen=True, eq=False)
+class Solutions(Outcome):
+    """Postures found by ``direct`` or ``inverse`` for many requests at once.
+
+    As ``Outcome``: ``q`` (n, nq), ``residual`` (n,), ``converged`` (n,), ``branch`` (n,),
+    ``endings``. One that did not converge has the last posture on the way, and ``reached`` tells
+    how far that is; ask for it alone to get a full account.
+
+    Attributes
+    ----------
+    within : (n,) array
+        How far all joints are within their limits [m or rad]; negative beyond one.
+    """
+
+    within: np.ndarray = field(default_factory=lambda: np.zeros(0))
+
+    def __getitem__(self, index: int) -> Solution:
+        """Return one of them as a ``Solution``."""
+        ending = Ending.of(int(self.codes[index]))
+        branch = int(self.branch[index])
+        message = ending.sentence
+        if not ending.good:
+            message += f", after {self.reached[index]:.1%} of the way"
+        return Solution(
+            q=self.q[index].copy(),
+            residual=float(self.residual[index]),
+            converged=ending.good,
+            iterations=0,
+            message=message,
+            branch=branch or None,
+            ending=ending,
+        )

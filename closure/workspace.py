@@ -32,8 +32,6 @@ class Workspace:
         self.data = model.createData()
         self.rows = sum(closure.rows for closure in closures)
         self.zero_v = np.zeros(model.nv)
-        # the last posture that ``direct`` gave, with its factors: the usual next guess
-        self.last_direct: Any = None
         self.points: list[tuple[slice, pin.PointAnchorConstraintModel, Any]] = []
         self.frames: list[tuple[slice, pin.FrameAnchorConstraintModel, Any]] = []
         self.cuts: list[tuple[slice, Closure, pin.FrameAnchorConstraintModel, Any]] = []

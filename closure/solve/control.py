@@ -7,6 +7,7 @@ refused, not taken.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,13 +28,16 @@ LONGEST = 1.0  # of one sub-step, dimensionless: a characteristic length, or a r
 MOST = 1000  # sub-steps that this bound may ask for
 SMALLEST = 1e-6  # share of the longest sub-step
 
-RUNNING = -1.0
-STATE = ("reached", "step", "bound", "count", "side", "status", "det", "evaluations")
+RUNNING, ASKING = -1.0, -2.0  # status of a lane that goes on, and of one that is to be judged
+STEADY = 0.3  # share that pivots may change by without a judgement of the Jacobian as a whole
+NEAR = 0.9  # relative change of a Jacobian that is surely not singular in between: below 1
+STATE = ("reached", "step", "bound", "count", "side", "status", "cleared", "det", "evaluations")
 """Share of the way that is behind, share of the next sub-step, largest step of Newton's method that
-is accepted next, its steps so far on this sub-step, sign of the determinant, ``RUNNING`` or the
-code of the ending, determinant at the last good posture, evaluations."""
+is accepted next, its steps so far on this sub-step, sign of the determinant, ``RUNNING``,
+``ASKING`` or the code of the ending, whether the trial was judged and found near, last
+determinant, evaluations."""
 
-FRESH = np.array([-1.0, 1.0, FIRST_STEP, 0.0, 0.0, RUNNING, 0.0, 0.0])
+FRESH = np.array([-1.0, 1.0, FIRST_STEP, 0.0, 0.0, RUNNING, 0.0, 0.0, 0.0])
 """``STATE`` at the start: the posture is closed where it is before it moves."""
 
 
@@ -42,7 +46,8 @@ class Judged:
     """What one step of Newton's method tells.
 
     Its length, the largest row [m or rad], the determinant of the pivot columns, how the null
-    space turned since the last good posture (1 for square systems), and the smallest pivot.
+    space turned since the last good posture (1 for square systems), the smallest pivot, and
+    whether no pivot changed by more than the share ``STEADY`` since.
     """
 
     size: Expr
@@ -50,20 +55,20 @@ class Judged:
     det: Expr
     turn: Expr
     least: Expr
+    steady: Expr
 
 
 @dataclass(frozen=True, eq=False)
 class Decision:
-    """State after a step, and truth values: what becomes of the posture.
+    """State after a step, and what becomes of the posture.
 
-    ``take``: the one that the step leads to is good; ``back``: the last good one is tried again;
-    ``keep``: the lane ended before; ``running``: it goes on.
+    ``good`` and ``trial`` choose among (last good one, trial, the one that the step leads to);
+    ``running`` says whether the lane goes on by itself.
     """
 
     state: dict[str, Expr]
-    take: Expr
-    back: Expr
-    keep: Expr
+    good: Callable[[Expr, Expr, Expr], Expr]
+    trial: Callable[[Expr, Expr, Expr], Expr]
     running: Expr
 
 
@@ -73,11 +78,13 @@ def share(state: dict[str, Expr]) -> Expr:
     return (state["reached"] < 0.0).select(0.0, ahead)
 
 
-def control(
-    state: dict[str, Expr], tried: Expr, judged: Judged, longest: Expr, smallest: Expr
-) -> Decision:
-    """Judge a step at the share ``tried`` of the way; sub-steps are between two shares of it."""
-    running = state["status"] < 0.0
+def control(state: dict[str, Expr], judged: Judged, longest: Expr, smallest: Expr) -> Decision:
+    """Judge a step of Newton's method; sub-steps are between two shares of the way.
+
+    A trial at which the pivots are not steady is judged before it leads anywhere, see ``judge``:
+    a long step could pass a singularity while Newton's method contracts.
+    """
+    running = (state["status"] < 0.0) & (state["status"] > ASKING)
     opening = state["reached"] < 0.0
     singular = ~(judged.least > PIVOT)
     wrong = judged.det * judged.turn * state["side"] < 0.0
@@ -86,27 +93,70 @@ def control(
     short = (judged.size < state["bound"]) | rounding
     refuse = singular | wrong | ~short | late
     settled = (judged.size < SETTLED) | rounding
-    take, back = running & settled & ~refuse, running & refuse
-    half = 0.5 * state["step"]
-    doubled = (2.0 * state["step"]).min(longest)
-    failed = back & ((half < smallest * longest) | opening)
+    back = running & refuse
+    asks = running & ~refuse & ~opening & ~judged.steady & (state["cleared"] < 0.5)
+    take = running & ~refuse & ~asks & settled
+    tried = share(state)
     done = take & ~(tried < 1.0)
     why = _code(late, Ending.SLOW, Ending.FAR)
     why = wrong.select(float(Ending.OTHER_SIDE.code), why)
     why = singular.select(float(Ending.SINGULAR.code), why)
-    again = take | back
-    after = {
-        "reached": take.select(tried, state["reached"]),
-        "step": take.select(opening.select(longest, doubled), back.select(half, state["step"])),
-        "bound": again.select(FIRST_STEP, (CONTRACTION * judged.size).max(1e-14)),
-        "count": again.select(0.0, state["count"] + 1.0),
-        "side": take.select((judged.det < 0.0).select(-1.0, 1.0), state["side"]),
-        "status": done.select(float(Ending.ARRIVED.code), failed.select(why, RUNNING)),
-        "det": take.select(judged.det, state["det"]),
-        "evaluations": state["evaluations"] + 1.0,
-    }
+    doubled = (2.0 * state["step"]).min(longest)
+    after = _refused(state, back, longest, smallest, why)
+    after["reached"] = take.select(tried, state["reached"])
+    after["step"] = take.select(opening.select(longest, doubled), after["step"])
+    shrunk = asks.select(state["bound"], (CONTRACTION * judged.size).max(1e-14))
+    after["bound"] = (take | back).select(FIRST_STEP, shrunk)
+    counted = asks.select(state["count"], state["count"] + 1.0)
+    after["count"] = (take | back).select(0.0, counted)
+    after["side"] = take.select((judged.det < 0.0).select(-1.0, 1.0), state["side"])
+    after["status"] = asks.select(ASKING, after["status"])
+    after["status"] = done.select(float(Ending.ARRIVED.code), after["status"])
+    after["cleared"] = state["cleared"] * 0.0
+    after["det"] = take.select(judged.det, state["det"])
+    after["evaluations"] = state["evaluations"] + 1.0
     kept = {name: running.select(after[name], old) for name, old in state.items()}
-    return Decision(kept, take, back, ~running, running & (after["status"] < 0.0))
+    moves = running & ~asks
+    return Decision(
+        kept,
+        lambda good, trial, new: take.select(new, good),
+        lambda good, trial, new: moves.select(back.select(good, new), trial),
+        running & (after["status"] < 0.0) & ~asks,
+    )
+
+
+def judge(state: dict[str, Expr], change: Expr, longest: Expr, smallest: Expr) -> Decision:
+    """Clear the trial that asks, or refuse it, by the relative change of the Jacobian.
+
+    Where that is below 1, no Jacobian on the straight line from the one at the last good posture
+    is singular.
+    """
+    asks = ~(state["status"] > ASKING)
+    back = asks & ~(change < NEAR)
+    zero = state["step"] * 0.0
+    after = _refused(state, back, longest, smallest, zero + float(Ending.RANK.code))
+    after["cleared"] = back.select(0.0, zero + 1.0)
+    after["count"] = back.select(0.0, state["count"])
+    after["bound"] = back.select(FIRST_STEP, state["bound"])
+    kept = {name: asks.select(after.get(name, old), old) for name, old in state.items()}
+    return Decision(
+        kept,
+        lambda good, trial, new: good,
+        lambda good, trial, new: back.select(good, trial),
+        asks & (after["status"] < 0.0),
+    )
+
+
+def _refused(
+    state: dict[str, Expr], back: Expr, longest: Expr, smallest: Expr, why: Expr
+) -> dict[str, Expr]:
+    """Half the sub-step where the trial is refused, or the end, with a code ``why``."""
+    half = 0.5 * state["step"]
+    failed = back & ((half < smallest * longest) | (state["reached"] < 0.0))
+    return {
+        "step": back.select(half, state["step"]),
+        "status": failed.select(why, RUNNING),
+    }
 
 
 def _code(where: Expr, then: Ending, otherwise: Ending) -> Expr:

@@ -8,7 +8,7 @@ until it has ended, over one posture or over many at once.
 from __future__ import annotations
 
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -18,19 +18,26 @@ import numpy as np
 import pinocchio as pin
 
 from closedchain.closure.solve.control import (
+    ASKING,
     FRESH,
     LONGEST,
     MOST,
-    RUNNING,
     SMALLEST,
     STATE,
+    STEADY,
+    Decision,
     Judged,
     control,
+    judge,
     share,
 )
 from closedchain.closure.solve.problem import POSE, Problem, pose_of
-from closedchain.closure.tape.elimination import Elimination, small_determinant
-from closedchain.closure.tape.expression import Expr, Graph
+from closedchain.closure.tape.elimination import (
+    Elimination,
+    relative_change,
+    small_determinant,
+)
+from closedchain.closure.tape.expression import Expr, Graph, Tape
 from closedchain.closure.tape.machine import Compiled, Looped, compiled, looped
 from closedchain.closure.tape.rows import Kinematics, Rows, kinematics
 from closedchain.closure.tape.vectors import quaternion
@@ -87,6 +94,47 @@ class Single(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
+class Lane:
+    """Numbers of one way as expressions: the state, and the parameters behind it.
+
+    ``old`` and ``new`` are the null space and the pivots at the last good posture and at the trial.
+    """
+
+    graph: Graph
+    good: list[Expr]
+    trial: list[Expr]
+    state: dict[str, Expr]
+    old: list[Expr]
+    new: list[Expr]
+    parameters: list[Expr]
+
+    @classmethod
+    def of(cls, follower: Follower) -> Lane:
+        """Inputs of a tape for a follower."""
+        g, nq, memory = Graph(), follower.problem.mechanism.model.nq, follower.memory
+        first, states = 2 * nq + len(STATE), follower.states
+        return cls(
+            graph=g,
+            good=g.inputs(0, nq),
+            trial=g.inputs(nq, nq),
+            state=dict(zip(STATE, g.inputs(2 * nq, len(STATE)), strict=True)),
+            old=g.inputs(first, memory),
+            new=g.inputs(first + memory, memory),
+            parameters=g.inputs(states, 2 * follower.problem.prescribed + 1),
+        )
+
+    def tape(self, decision: Decision, q: Sequence[Expr], basis: Sequence[Expr]) -> Tape:
+        """Tape of a decision on a posture that was found, its null space and pivots."""
+        places = list(zip(self.good, self.trial, q, strict=True))
+        spaces = list(zip(self.old, self.new, basis, strict=True))
+        out = [decision.good(*x) for x in places] + [decision.trial(*x) for x in places]
+        out += [decision.state[name] for name in STATE]
+        out += [decision.good(*x) for x in spaces] + [decision.trial(*x) for x in spaces]
+        inputs = 2 * len(self.good) + len(STATE) + 2 * len(self.old) + len(self.parameters)
+        return self.graph.tape([*out, decision.running], inputs)
+
+
+@dataclass(frozen=True, eq=False)
 class Follower:
     """Machine code of one problem: to follow, to check what was found, to tell where a tip is."""
 
@@ -96,38 +144,48 @@ class Follower:
 
     @cached_property
     def loop(self) -> Looped:
-        """Steps until the end. State: good posture, trial, ``STATE``, null space at the good one.
+        """Steps until the end, or until a trial asks to be judged.
 
+        State: good posture, trial, ``STATE``, null spaces and pivots at the good posture and at
+        the trial.
         Parameters: the targets at both ends of the way, then the smallest sub-step.
         """
-        problem, nq = self.problem, self.problem.mechanism.model.nq
-        g, first = Graph(), self.states
-        good, trial = g.inputs(0, nq), g.inputs(nq, nq)
-        old = g.inputs(2 * nq + len(STATE), self.kernel)
-        numbers = g.inputs(first, 2 * problem.prescribed + 1)
-        state = dict(zip(STATE, g.inputs(2 * nq, len(STATE)), strict=True))
-        tried = share(state)
-        target, travel = self._target(numbers, tried)
-        q = list(trial)
+        problem, lane = self.problem, Lane.of(self)
+        target, longest = self._target(lane, share(lane.state))
+        q = list(lane.trial)
         for index, value in zip(problem.pinned_q, target, strict=False):
             q[int(index)] = value
+        g = lane.graph
         k = Kinematics(problem.mechanism, g, q)
         rows = problem.rows(k, target)
-        lu = problem.elimination(g, rows, self._sampled(first + len(numbers)))
+        lu = problem.elimination(g, rows, self._sampled())
         step = lu.shortest([-rows.values[r] for r in problem.kept])
-        turn, basis = self._turned(lu, old, state["reached"] < 0.0)
+        turn, basis = self._turned(lu, lane)
+        pivots = [pivot for _, _, pivot in lu.pivots]
         size = _length(g, list(step.values()))
         closed = _largest(g, rows, problem.kept)
-        judged = Judged(size, closed, lu.determinant(problem.free), turn, lu.least)
-        longest = (LONGEST * travel.max(1e-300).recip()).max(1.0 / MOST).min(1.0)
-        after = control(state, tried, judged, longest, numbers[-1])
-        new = k.moved(q, step)
-        out = [after.take.select(b, a) for a, b in zip(good, new, strict=True)]
-        for was, a, b in zip(trial, good, new, strict=True):
-            out.append(after.keep.select(was, after.back.select(a, b)))
-        out += [after.state[name] for name in STATE]
-        out += [after.take.select(b, a) for a, b in zip(old, basis, strict=True)]
-        return looped(g.tape([*out, after.running], first + len(numbers)), first)
+        steady = _steady(g, pivots, lane.old[self.kernel :])
+        judged = Judged(size, closed, lu.determinant(problem.free), turn, lu.least, steady)
+        decision = control(lane.state, judged, longest, lane.parameters[-1])
+        return looped(lane.tape(decision, k.moved(q, step), basis + pivots), self.states)
+
+    @cached_property
+    def judging(self) -> Looped:
+        """One look at the trials that ask; state and parameters as those of ``loop``."""
+        problem, lane = self.problem, Lane.of(self)
+        g = lane.graph
+        before, now = (
+            problem.rows_met(Kinematics(problem.mechanism, g, list(q)))
+            for q in (lane.good, lane.trial)
+        )
+        lu = problem.elimination(g, now, self._sampled())
+        kept = problem.kept
+        change = relative_change(
+            lu, [before.entries[r] for r in kept], [now.entries[r] for r in kept]
+        )
+        _, longest = self._target(lane, share(lane.state))
+        decision = judge(lane.state, change, longest, lane.parameters[-1])
+        return looped(lane.tape(decision, lane.trial, lane.new), self.states)
 
     @property
     def kernel(self) -> int:
@@ -136,14 +194,17 @@ class Follower:
         return len(problem.free) * (len(problem.free) - len(problem.kept))
 
     @property
+    def memory(self) -> int:
+        """Numbers that a good posture leaves for the next: its null space, its pivots."""
+        return self.kernel + len(self.problem.kept)
+
+    @property
     def states(self) -> int:
         """Numbers of the state."""
-        return 2 * self.problem.mechanism.model.nq + len(STATE) + self.kernel
+        return 2 * self.problem.mechanism.model.nq + len(STATE) + 2 * self.memory
 
-    def _turned(
-        self, lu: Elimination, old: Sequence[Expr], opening: Expr
-    ) -> tuple[Expr, list[Expr]]:
-        """How the null space turned since the last good posture (``old``), and what it is now.
+    def _turned(self, lu: Elimination, lane: Lane) -> tuple[Expr, list[Expr]]:
+        """How the null space turned since the last good posture, and what it is now.
 
         With A the kept rows, N and M the null spaces then and now, det [A; N^T] keeps its sign
         while A keeps its rank and its null space turns by less than a right angle. With B the
@@ -154,22 +215,23 @@ class Follower:
         if self.problem.square:
             return g.constant(1.0), []
         zero, size = g.constant(0.0), len(free)
+        opening = lane.state["reached"] < 0.0
         kernel = [[m.get(v, zero) for v in free] for m in lu.kernel()]
         turned: dict[int, dict[int, Expr]] = {}
         for i, m in enumerate(kernel):
-            before = [opening.select(a, b) for a, b in zip(m, old[i * size :], strict=False)]
+            before = [opening.select(a, b) for a, b in zip(m, lane.old[i * size :], strict=False)]
             turned[i] = {j: _inner(g, before, other) for j, other in enumerate(kernel)}
         return small_determinant(g, turned), [x for m in kernel for x in m]
 
-    def _target(self, numbers: Sequence[Expr], tried: Expr) -> tuple[list[Expr], Expr]:
-        """Target at a share of the way, and the length of the whole way, dimensionless.
+    def _target(self, lane: Lane, tried: Expr) -> tuple[list[Expr], Expr]:
+        """Target at a share of the way, and the longest sub-step.
 
         Joints and origins move on straight lines, rotations about a fixed axis.
         """
-        problem, g = self.problem, tried.graph
+        problem, g = self.problem, lane.graph
         p, m = len(problem.pinned), problem.mechanism
-        begin = list(numbers[: problem.prescribed])
-        end = list(numbers[problem.prescribed : 2 * problem.prescribed])
+        begin = list(lane.parameters[: problem.prescribed])
+        end = list(lane.parameters[problem.prescribed : 2 * problem.prescribed])
         whole = ~(tried < 1.0)
         travel = g.constant(0.0)
         for a, b, v in zip(begin, end, problem.pinned, strict=False):
@@ -187,9 +249,10 @@ class Follower:
             turn = slice(p + POSE * i + 3, p + POSE * (i + 1))
             inverse = _length(g, there[turn]).recip()
             there[turn] = [x * inverse for x in there[turn]]
-        return [whole.select(b, a) for a, b in zip(there, end, strict=True)], travel
+        longest = (LONGEST * travel.max(1e-300).recip()).max(1.0 / MOST).min(1.0)
+        return [whole.select(b, a) for a, b in zip(there, end, strict=True)], longest
 
-    def _sampled(self, inputs: int) -> np.ndarray:
+    def _sampled(self) -> np.ndarray:
         """Values (inputs, n) of the tape's inputs at the samples and near them."""
         problem = self.problem
         q, rng = problem.regular, np.random.default_rng(1)
@@ -197,7 +260,7 @@ class Follower:
         near = [pin.integrate(model, x, 0.02 * rng.standard_normal(model.nv) * scale) for x in q]
         both = np.concatenate([q, np.array(near)])
         targets = np.concatenate([problem.targets_at(q)] * 2)
-        values = np.zeros((inputs, len(both)))
+        values = np.zeros((self.states + 2 * problem.prescribed + 1, len(both)))
         values[: model.nq] = values[model.nq : 2 * model.nq] = both.T
         values[self.states :] = _parameters(targets, targets, SMALLEST)
         return values
@@ -260,12 +323,10 @@ class Follower:
         state[:nq] = state[nq : 2 * nq] = q.T
         state[2 * nq : 2 * nq + len(STATE)] = FRESH[:, None]
         numbers = _parameters(begin, end, smallest)
-        status = 2 * nq + STATE.index("status")
         for a in range(0, n, CHUNK):
-            part, given = state[:, a : a + CHUNK], numbers[:, a : a + CHUNK]
-            self.loop.run(part, given, TICKS)
-            while (part[status] == RUNNING).any():
-                self.loop.run(part, given, TICKS)
+            state[:, a : a + CHUNK] = self.ended(
+                state[:, a : a + CHUNK], numbers[:, a : a + CHUNK]
+            )
         rest = dict(zip(STATE, state[2 * nq :], strict=False))
         return Way(
             q=np.ascontiguousarray(state[:nq].T),
@@ -276,28 +337,48 @@ class Follower:
             started=rest["reached"] >= 0.0,
         )
 
+    def ended(self, state: np.ndarray, numbers: np.ndarray) -> np.ndarray:
+        """State of a chunk (states, n) when every lane has ended; those that have are set aside."""
+        whole, lanes = state, np.arange(state.shape[1])
+        status = 2 * self.problem.mechanism.model.nq + STATE.index("status")
+        state, numbers = state.copy(), numbers.copy()
+        while lanes.size:
+            self.loop.run(state, numbers, TICKS)
+            if (state[status] == ASKING).any():
+                self.judging.run(state, numbers, 1)
+            on = state[status] < 0.0
+            if not on.all():
+                whole[:, lanes[~on]] = state[:, ~on]
+                lanes = lanes[on]
+                state, numbers = np.ascontiguousarray(state[:, on]), numbers[:, on].copy()
+        return whole
+
     def alone(self, q: np.ndarray, begin: np.ndarray | None, end: np.ndarray) -> Single:
         """The same for one posture (nq,), checked; from where it is where ``begin`` is None."""
         s = self._scratch
         nq, size = q.size, end.size
         if begin is None:
-            s.into[:nq] = q
-            self.place.call(s.at_into, s.at_parameters, 1, 1, 1)
+            s.into[:nq, 0] = q
+            s.place()
         else:
-            s.parameters[:size] = begin
-        s.parameters[size : 2 * size] = end
-        s.state[:nq] = s.state[nq : 2 * nq] = q
+            s.parameters[:size, 0] = begin
+        s.parameters[size : 2 * size, 0] = end
+        s.state[:nq, 0] = s.state[nq : 2 * nq, 0] = q
         s.state[2 * nq :] = s.fresh
         status = 2 * nq + STATE.index("status")
         while True:
-            self.loop.call(s.at_state, s.at_parameters, 1, 1, 1, TICKS)
-            if s.state[status] != RUNNING:
+            s.loop()
+            if s.state[status, 0] == ASKING:
+                s.judge()
+            if s.state[status, 0] >= 0.0:
                 break
         s.into[:nq] = s.state[:nq]
-        s.into[nq:] = end
-        self.check.call(s.at_into, s.at_out, 1, 1, 1)
-        reached, _, _, _, _, code, det, count = s.state[2 * nq : 2 * nq + len(STATE)].tolist()
-        return Single(s.state[:nq].copy(), reached, int(code), det, int(count), *s.out.tolist())
+        s.into[nq:, 0] = end
+        s.check()
+        numbers = s.state[2 * nq : 2 * nq + len(STATE), 0].tolist()
+        reached, _, _, _, _, code, _, det, count = numbers
+        found = s.state[:nq, 0].copy()
+        return Single(found, reached, int(code), det, int(count), *s.out[:, 0].tolist())
 
     @property
     def _scratch(self) -> Scratch:
@@ -314,28 +395,50 @@ class Follower:
 
 
 class Scratch(NamedTuple):
-    """Memory of a thread for single postures, overwritten by every call, and its addresses."""
+    """Memory of a thread for single postures, overwritten by every call, and calls bound to it."""
 
     state: np.ndarray
     fresh: np.ndarray
     parameters: np.ndarray
     into: np.ndarray
     out: np.ndarray
-    at_state: int
-    at_parameters: int
-    at_into: int
-    at_out: int
+    loop: Callable[[], None]
+    judge: Callable[[], None]
+    place: Callable[[], None]
+    check: Callable[[], None]
 
     @classmethod
     def of(cls, follower: Follower) -> Scratch:
         """Memory for a follower."""
         problem, nq = follower.problem, follower.problem.mechanism.model.nq
-        state, parameters = np.zeros(follower.states), np.zeros(2 * problem.prescribed + 1)
+        size = problem.prescribed
+        state, parameters = np.zeros((follower.states, 1)), np.zeros((2 * size + 1, 1))
         parameters[-1] = SMALLEST
-        fresh = np.concatenate([FRESH, np.zeros(follower.kernel)])
-        into, out = np.zeros(nq + problem.prescribed), np.zeros(4)
-        places = (int(a.ctypes.data) for a in (state, parameters, into, out))
-        return cls(state, fresh, parameters, into, out, *places)
+        fresh = np.concatenate([FRESH, np.zeros(2 * follower.memory)])[:, None]
+        into, out = np.zeros((nq + size, 1)), np.zeros((4, 1))
+        return cls(
+            state,
+            fresh,
+            parameters,
+            into,
+            out,
+            follower.loop.bound(state, parameters, TICKS),
+            _late(lambda: follower.judging.bound(state, parameters, 1)),
+            follower.place.bound(into[:nq], parameters[:size]),
+            follower.check.bound(into, out),
+        )
+
+
+def _late(made: Callable[[], Callable[[], None]]) -> Callable[[], None]:
+    """Call that is made when it is first needed: the judge is long, and seldom asked."""
+    known: list[Callable[[], None]] = []
+
+    def call() -> None:
+        if not known:
+            known.append(made())
+        known[0]()
+
+    return call
 
 
 _FOLLOWERS: WeakKeyDictionary[Problem, Follower] = WeakKeyDictionary()
@@ -354,6 +457,14 @@ def _parameters(begin: np.ndarray, end: np.ndarray, smallest: float) -> np.ndarr
     numbers = np.empty((2 * size + 1, len(begin)))
     numbers[:size], numbers[size:-1], numbers[-1] = begin.T, end.T, smallest
     return numbers
+
+
+def _steady(g: Graph, now: Sequence[Expr], before: Sequence[Expr]) -> Expr:
+    """Whether no number changed by more than the share ``STEADY``."""
+    worst = g.constant(-1.0)
+    for a, b in zip(now, before, strict=True):
+        worst = worst.max(abs(a - b) - STEADY * abs(b))
+    return worst < 0.0
 
 
 def _inner(g: Graph, a: Sequence[Expr], b: Sequence[Expr]) -> Expr:

@@ -97,6 +97,13 @@ class Problem:
             rows = rows + k.goal(frame, outputs, pose)
         return rows
 
+    def rows_met(self, k: Kinematics) -> Rows:
+        """All rows where the goals are met as they are: what the Jacobian is on the way."""
+        rows = k.closures
+        for frame, outputs in self.goals:
+            rows = rows + k.goal(frame, outputs, k.named(frame)[0])
+        return rows
+
     @cached_property
     def samples(self) -> np.ndarray:
         """Closed postures (n, nq) at which independence is judged and pivots are chosen."""

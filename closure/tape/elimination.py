@@ -174,6 +174,36 @@ def eliminate(
     return Elimination(graph, tuple(pivots), tuple(lower), tuple(upper), free)
 
 
+def relative_change(lu: Elimination, before: Sequence[Sparse], now: Sequence[Sparse]) -> Expr:
+    """Bound of ||(A - A') R|| for rows A before and A' now (that of ``lu``), where A' R = 1.
+
+    Below 1 it shows that every matrix on the straight line between the two has full row rank:
+    A' + s (A - A') times R is 1 + s (A - A') R. The bound of the norm is the smaller of Frobenius'
+    and the geometric mean of the largest sums of rows and columns.
+    """
+    g = lu.graph
+    zero, one = g.constant(0.0), g.constant(1.0)
+    size = len(before)
+    sums_of_rows, squares, largest_column = [zero] * size, zero, zero
+    for k in range(size):
+        unit = [one if r == k else zero for r in range(size)]
+        inverse = lu.shortest(unit)
+        column_sum = zero
+        for r in range(size):
+            entry = zero
+            for c, value in inverse.items():
+                change = before[r].get(c, zero) - now[r].get(c, zero)
+                entry = entry + change * value
+            column_sum = column_sum + abs(entry)
+            sums_of_rows[r] = sums_of_rows[r] + abs(entry)
+            squares = squares + entry * entry
+        largest_column = largest_column.max(column_sum)
+    largest_row = zero
+    for total in sums_of_rows:
+        largest_row = largest_row.max(total)
+    return squares.min(largest_row * largest_column).sqrt()
+
+
 def positive_solve(graph: Graph, matrix: dict[int, Sparse], right: Sequence[Expr]) -> list[Expr]:
     """Solve a small symmetric positive definite system, unrolled, in its own order."""
     n = len(right)

@@ -145,7 +145,7 @@ def test_beyond_limits_is_reported(d1: cc.Mechanism, tol: Tolerances) -> None:
     [
         ([0.5] * 5, r"input values must have shape \(6,\) \(q1 q2"),
         ([0.5] * 7, r"must have shape \(6,\)"),
-        ([[0.5] * 6], r"must have shape \(6,\)"),
+        ([[[0.5] * 6]], r"must have shape \(6,\)"),
         (0.5, r"must have shape \(6,\)"),
         ([0.5] * 5 + [np.nan], r"not finite, at index \[5\]"),
         ([np.inf] + [0.5] * 5, r"not finite, at index \[0\]"),
