@@ -26,6 +26,12 @@ from closedchain.closure.tape.lowering import lowered, truth_values
 PIECE = 4000
 """Operations of one function of machine code; longer tapes become several."""
 
+GENERATOR = (
+    *("codegen", "copies", "drivers", "expression", "lowering"),
+    *("machine", "native", "sincos", "writer"),
+)
+"""Modules that decide what code a tape becomes."""
+
 LIMIT = 100_000
 """Operations beyond which compiling would take most of a minute, and numpy runs the tape."""
 
@@ -198,11 +204,13 @@ def machine_code(tape: Tape, state: int | None, lanes: int) -> Kernel:
     here = native.host()
     lanes = lanes or here.lanes
     what = repr((tape.nodes, tape.outputs, tape.inputs, state, lanes, PIECE))
-    name = cache.key(generator(), repr(here), what)
-    objects = cache.read(name)
+    made_by = generator()
+    name = cache.key(made_by, repr(here), what) if made_by else ""
+    objects = cache.read(name) if name else None
     if objects is None:
         objects = native.object_code(text(tape, state, lanes))
-        cache.write(name, objects)
+        if name:
+            cache.write(name, objects)
     code = native.loaded(objects)
     entry, count = ("run", 5) if state is None else ("loop", 6)
     return Kernel(code.function(entry, count), lanes, True, code.function(f"{entry}_packed", 1))
@@ -210,10 +218,16 @@ def machine_code(tape: Tape, state: int | None, lanes: int) -> Kernel:
 
 @functools.cache
 def generator() -> str:
-    """Digest of the modules that decide what code is made."""
+    """Digest of the modules that decide what code is made; "" where their text is not installed."""
     digest = hashlib.sha256()
-    for name in ("codegen", "drivers", "lowering", "machine", "native", "sincos"):
-        digest.update(pkgutil.get_data("closedchain.closure.tape", f"{name}.py") or b"")
+    for name in GENERATOR:
+        try:
+            source = pkgutil.get_data("closedchain.closure.tape", f"{name}.py")
+        except OSError:
+            source = None
+        if source is None:
+            return ""
+        digest.update(source)
     return digest.hexdigest()
 
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from functools import cache
 from typing import Any
 
-from closedchain.closure.tape.codegen import Shape
+from closedchain.closure.tape.writer import Shape
 
 LOCK = threading.RLock()
 LEVEL = 1

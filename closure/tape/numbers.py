@@ -68,8 +68,8 @@ def evaluate(
     """Outputs of a tape for its inputs, in the arithmetic of the inputs' own type.
 
     Truth values come out as what ``functions.less`` makes, constants as what
-    ``functions.constant`` makes: numpy's default leaves them single numbers. Values are dropped after their last
-    use, so memory holds the live ones alone.
+    ``functions.constant`` makes: numpy's default leaves them single numbers. Values
+    are dropped after their last use, so memory holds the live ones alone.
 
     Raises
     ------

@@ -56,6 +56,18 @@ def test_code_is_made_once(home: Path, compilations: list[int]) -> None:
     assert all(path.stat().st_mode & 0o777 == 0o600 for path in entries(home))
 
 
+def test_other_generators_make_other_entries(
+    home: Path, compilations: list[int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What cannot be told apart from the work of another version is not kept."""
+    assert len(machine.generator()) == 64
+    for version, kept in (("a", 1), ("b", 2), ("", 2), ("a", 2)):
+        monkeypatch.setattr(machine, "generator", lambda version=version: version)
+        machine.compiled(TAPE)
+        assert len(entries(home)) == kept
+    assert len(compilations) == 3
+
+
 @pytest.mark.parametrize("what", ["flipped", "cut", "empty", "renamed", "longer", "text"])
 def test_damaged_entries_are_made_again(home: Path, compilations: list[int], what: str) -> None:
     expected = machine.compiled(TAPE).run(POSTURES)
