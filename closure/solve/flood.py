@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from closedchain.closure.nearest import LIMIT_TOLERANCE
-from closedchain.closure.solve.hops import Hop, Hops
+from closedchain.closure.solve.alone import healthy
+from closedchain.closure.solve.hops import Hops
 from closedchain.closure.solve.outcome import Ending
 from closedchain.closure.solve.path import Way
 from closedchain.closure.solve.problem import Problem
@@ -150,11 +151,11 @@ class _Work:
         """Follow ways from cells into others, all different; which ones lead on, (n,) of bool."""
         hop = self.hops.ways(begin, end, self._behind(begin, side ^ 1))
         found = self._judged(hop.way, begin, end)
-        if self.hops.problem.redundant:
-            hop, found = self._looked_into(hop, found, begin, end)
+        again = self._looked_into(hop.way, found, begin, end)
         good = found == ARRIVED
         there = end[good]
         self.hops.enter(there, hop, good)
+        self.hops.reopen(end[again & good])
         self.solved[there] = True
         done = good | (found == LIMIT)
         better = done | (EXPLAINS[found] > EXPLAINS[self.codes[end]])
@@ -190,28 +191,26 @@ class _Work:
         return found
 
     def _looked_into(
-        self, hop: Hop, found: np.ndarray, begin: np.ndarray, end: np.ndarray
-    ) -> tuple[Hop, np.ndarray]:
-        """Ways whose kept rows failed, or whose other rows stayed open, once more with others.
+        self, way: Way, found: np.ndarray, begin: np.ndarray, end: np.ndarray
+    ) -> np.ndarray:
+        """Follow ways once more, in place, that ended though all rows keep their rank.
 
-        Where all rows lose rank, other ones lead no further.
+        Nothing but the choice of rows, or of pivots, is singular there. Returns which ones were
+        followed, (n,) of bool; what is known of the chosen rows does not hold at their ends.
         """
-        failed = np.flatnonzero((found == FOLD) | (found == STUCK) | (self.hops.det[begin] == 0.0))
-        if not failed.size:
-            return hop, found
-        way = hop.way
-        slow = self.hops.slowly(begin[failed], end[failed])
-        further = (slow.codes == ARRIVED) | (slow.reached > way.reached[failed] + SHORT)
-        slow.det[further] = 0.0  # of other rows
-        codes = self._arrived(slow, end[failed])
-        ended = slow.codes != ARRIVED
-        codes[ended] = np.where(further[ended], FOLD, found[failed][ended])
-        found[failed] = np.where(further, codes, found[failed])
-        merged = {name: getattr(way, name).copy() for name in ("q", "reached", "codes", "det")}
-        for name, values in merged.items():
-            values[failed[further]] = getattr(slow, name)[further]
-        way = Way(**merged, evaluations=way.evaluations, started=way.started)
-        return Hop(way, hop.memory), found
+        again = (found == FOLD) | (found == STUCK)
+        for i in np.flatnonzero(again):
+            again[i] = healthy(self.hops.problem, way.q[i])
+        again |= self.hops.det[begin] == 0.0
+        where = np.flatnonzero(again)
+        if not where.size:
+            return again
+        slow = self.hops.slowly(begin[where], end[where])
+        codes = self._arrived(slow, end[where])
+        for k in np.flatnonzero(slow.codes != ARRIVED):
+            codes[k] = STUCK if healthy(self.hops.problem, slow.q[k]) else FOLD
+        found[where], way.q[where] = codes, slow.q
+        return again
 
     def _folds(self, way: Way, begin: np.ndarray, end: np.ndarray, ended: np.ndarray) -> np.ndarray:
         """Whether ways ``ended`` (e,), from cells to others, ended with a singularity in sight.
@@ -226,5 +225,6 @@ class _Work:
             back = self.hops.backwards(begin[short], end[short])
             away[short] = back.det
             travel[short] += back.reached
-        fall = np.square(way.det[ended] / away)
+        share = np.divide(way.det[ended], away, out=np.ones_like(away), where=away != 0.0)
+        fall = share * share
         return np.asarray(fall * (1.0 + travel) <= 1.0)

@@ -12,13 +12,20 @@ from functools import cached_property
 
 import numpy as np
 
+from closedchain.closure.solve.alone import follow_alone, healthy
 from closedchain.closure.solve.control import FRESH, LONGEST, MOST, STATE
+from closedchain.closure.solve.outcome import Ending
 from closedchain.closure.solve.path import Follower, Way, follower_of
 from closedchain.closure.solve.problem import POSE, Problem
 from closedchain.closure.solve.ways import follow
 
 SMALLEST_STEP = 1e-4
 """Share of the way to a neighbour, where steps end that no longer lead on."""
+
+SAME = 1e-9
+"""Change of a posture [m or rad] by closing it again that is rounding."""
+
+ARRIVED = Ending.ARRIVED.code
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,6 +75,15 @@ class Hops:
         self.enter(cells, hop, slice(None))
         return hop.way.started
 
+    def reopen(self, cells: np.ndarray) -> None:
+        """Learn of the kept rows at cells (n,) that were reached without them."""
+        if not cells.size:
+            return
+        q = self.q[:, cells]
+        closed = self.closed(cells) & (np.abs(self.q[:, cells] - q).max(axis=0) < SAME)
+        self.q[:, cells] = q
+        self.det[cells[~closed]] = 0.0
+
     def enter(self, cells: np.ndarray, hop: Hop, which: slice | np.ndarray) -> None:
         """Keep where some of the ways ended as what is known of cells (n,)."""
         self.q[:, cells] = hop.way.q.T[:, which]
@@ -93,15 +109,22 @@ class Hops:
         return self._followed(*self._laid_out(begin, one, back)).way
 
     def slowly(self, begin: np.ndarray, end: np.ndarray) -> Way:
-        """The same, past where only the kept rows fail; a determinant there is not that of others.
+        """Follow ways past where only the kept rows, or their pivots, fail.
 
-        The starts are closed again, as nothing is known of the kept rows there.
+        Determinants are those of other rows, or none; the starts are closed again.
         """
         one, two, q = (
             np.ascontiguousarray(x.T)
             for x in (self.targets[:, begin], self.targets[:, end], self.q[:, begin])
         )
-        return follow(self.problem, q, one, two, SMALLEST_STEP)
+        way = follow(self.problem, q, one, two, SMALLEST_STEP)
+        for i in np.flatnonzero(way.codes != ARRIVED):
+            if healthy(self.problem, way.q[i]):
+                last, reached = follow_alone(self.problem, q[i], one[i], two[i], SMALLEST_STEP)
+                if reached > way.reached[i]:
+                    way.q[i], way.reached[i] = last, reached
+                    way.codes[i] = ARRIVED if reached == 1.0 else way.codes[i]
+        return way
 
     def _followed(self, state: np.ndarray, numbers: np.ndarray) -> Hop:
         """Follow until every way has ended."""

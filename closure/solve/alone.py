@@ -1,0 +1,70 @@
+"""Following one branch with all rows, by LAPACK: where no fixed choice of pivots suits it.
+
+The machine code of a problem eliminates chosen rows in a fixed order. Where a pivot vanishes though
+the Jacobian as a whole keeps its rank, nothing is singular but that choice.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+
+from closedchain.closure.continuation import follow
+from closedchain.closure.equations import correct
+from closedchain.closure.solve.control import LONGEST, MOST
+from closedchain.closure.solve.problem import POSE, Problem
+from closedchain.closure.solve.system import System
+from closedchain.closure.solve.ways import HEALTHY
+from closedchain.closure.task import goal
+from closedchain.urdf.description import OUTPUTS
+
+
+def healthy(problem: Problem, q: np.ndarray) -> bool:
+    """Whether the Jacobian of all rows is well away from losing rank at a posture (nq,)."""
+    s = np.linalg.svd(problem.jacobian_at(q), compute_uv=False)
+    rank = len(problem.kept)
+    return bool(rank == 0 or s[rank - 1] > HEALTHY * s[0])
+
+
+def follow_alone(
+    problem: Problem, q: np.ndarray, begin: np.ndarray, end: np.ndarray, smallest: float
+) -> tuple[np.ndarray, float]:
+    """Follow the branch of a posture (nq,) from one target to another (prescribed,).
+
+    Returns the last good posture and the share of the way that was gone, 1 where it arrived.
+    """
+    p, m = len(problem.pinned), problem.mechanism
+    turns = [slice(p + POSE * i + 3, p + POSE * (i + 1)) for i in range(len(problem.goals))]
+    end = end.copy()
+    for at in turns:
+        end[at] *= -1.0 if begin[at] @ end[at] < 0.0 else 1.0
+    free = np.array(problem.free)
+
+    def there(q: np.ndarray, share: float) -> tuple[System, np.ndarray]:
+        target = end.copy() if share == 1.0 else begin + share * (end - begin)
+        for at in turns:
+            target[at] /= np.linalg.norm(target[at])
+        goals = tuple(
+            goal(
+                m,
+                frame,
+                pin.XYZQUATToSE3(target[p + POSE * i : p + POSE * (i + 1)]),
+                [OUTPUTS[k] for k in outputs],
+            )
+            for i, (frame, outputs) in enumerate(problem.goals)
+        )
+        moved = q.copy()
+        moved[problem.pinned_q] = target[:p]
+        return System(m, free, goals), moved
+
+    gap = np.abs(end - begin)
+    travel = float((gap[:p] / m.column_scale[list(problem.pinned)]).max(initial=0.0))
+    for at in turns:
+        shift = float(np.linalg.norm(gap[at.start - 3 : at.start])) / m.length
+        travel = max(travel, shift + 2.0 * float(np.linalg.norm(gap[at])))
+    start = correct(*there(q, 0.0))
+    if start.refusal is not None:
+        return q, 0.0
+    longest = min(1.0, max(LONGEST / max(travel, 1e-300), 1.0 / MOST))
+    way = follow(there, start, smallest, longest, careful=True)
+    return way.last.q, way.reached
