@@ -1,4 +1,4 @@
-"""What the inputs drive of a mechanism at all, in every posture, in words."""
+"""What inputs drive and outputs see of a mechanism at all, in every posture, in words."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from closedchain.urdf.description import OUTPUTS
 
 
 def driving(mechanism: Mechanism, outputs: tuple[str, ...] | None = None) -> tuple[str, ...]:
-    """Sentences on what is wrong with, or noteworthy about, the inputs in every posture.
+    """Sentences on what is wrong with, or noteworthy about, inputs and outputs in every posture.
 
-    Nothing for a mechanism whose inputs drive all its freedoms.
+    None for a mechanism whose inputs drive all its freedoms and whose outputs are independent.
 
     Parameters
     ----------
@@ -45,7 +45,19 @@ def driving(mechanism: Mechanism, outputs: tuple[str, ...] | None = None) -> tup
             + f" {seen} of {generic.idle} {_moves(seen)} the tip, in ways that are no outputs."
             * (seen > 0)
         )
+    if generic.outputs.value < len(outputs):
+        found.append(dependence(generic, outputs))
     return tuple(found)
+
+
+def dependence(generic: GenericRanks, outputs: tuple[str, ...]) -> str:
+    """Sentence on outputs that do not change independently."""
+    if not generic.outputs.value:
+        return f"What it is asked for, {' '.join(outputs)}, changes in no posture."
+    return (
+        f"Of its {len(outputs)} outputs only {generic.outputs.value} can change independently, "
+        "in any posture."
+    )
 
 
 def _without_task(generic: GenericRanks) -> tuple[str, ...]:

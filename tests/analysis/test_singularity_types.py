@@ -265,7 +265,9 @@ def test_more_outputs_than_freedoms_are_no_singularity() -> None:
     """A four-bar cannot move its coupler in six ways; that is no inverse singularity."""
     m = linkages.four_bar()
     assert len(m.outputs()) == 6
-    assert cc.classify(m, m.home).kinds == frozenset()
+    found = cc.classify(m, m.home)
+    assert found.kinds == frozenset()
+    assert "Of its 6 outputs only 1 can change independently" in found.text
 
 
 # -- the table -----------------------------------------------------------------------------------

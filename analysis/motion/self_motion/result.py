@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from closedchain.analysis.singularity.maps.measures import LONG_NAMES
+from closedchain.analysis.structure.driving import dependence
+from closedchain.closure.generic import generic_ranks
 from closedchain.closure.mechanism import Mechanism
 from closedchain.closure.solve.outcome import Ending
 
@@ -75,8 +77,8 @@ class SelfMotion:
     singular, branch_points : tuples of int
         Indices of direct singularities, and of postures where other self-motions cross this one.
     degenerate : bool
-        Whether every posture of the curve is an inverse singularity: the outputs, with the locks,
-        leave no freedom in general, but do so here.
+        Whether the outputs and locks are as many as the freedoms, and yet leave one: every posture
+        of the curve is an inverse singularity, or the outputs never change independently.
     outputs, locked : tuples of str
     """
 
@@ -117,7 +119,10 @@ class SelfMotion:
             f"{m.name}: self-motion with outputs {' '.join(self.outputs)} held{held}: a {what} of "
             f"{n} postures, length {self.length:.4g} (dimensionless, all joints)."
         ]
-        if self.degenerate:
+        generic = generic_ranks(m, self.outputs)
+        if self.degenerate and generic.outputs.value < len(self.outputs):
+            lines.append(f"  {dependence(generic, self.outputs)}")
+        elif self.degenerate:
             lines.append(
                 "  Every posture of it is an inverse singularity: in general these outputs"
                 f"{' and locks' if self.locked else ''} leave no freedom."
