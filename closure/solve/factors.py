@@ -102,6 +102,11 @@ class Range:
         return bool(np.linalg.norm(here / self.s[:, None] - np.eye(self.s.size), 2) >= NEAR)
 
 
+def largest(values: np.ndarray) -> float:
+    """Largest absolute entry; 0 for none."""
+    return float(max(values.max(), -values.min())) if values.size else 0.0
+
+
 def factorise(matrix: np.ndarray) -> Factors | Range:
     """LU factors of a square matrix, singular bases of another."""
     square = matrix.shape[0] == matrix.shape[1] and matrix.size

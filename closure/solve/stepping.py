@@ -1,4 +1,4 @@
-"""One step along a one-dimensional solution set: along the tangent, then back across it.
+"""One step along a one-dimensional solution set: along a parabola, then back across the tangent.
 
 A point costs one evaluation and one LU factorisation for each step of the corrector: the last
 factors, of [J; t] at the point itself, give the next tangent, the sign of the determinant and, by
@@ -9,12 +9,12 @@ small, where the frame is renewed, and where rows depend on each other.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from closedchain.closure.solve.factors import Factors
+from closedchain.closure.solve.factors import Factors, largest
 from closedchain.closure.solve.solution_set import RANK, SOLVED, SmoothEquations
 
 TURN = 0.25  # rad: largest change of the tangent in a step
@@ -22,6 +22,7 @@ SMALLEST = 1e-6  # dimensionless step below which the curve counts as ended
 DEPENDENT = 1e-10  # largest row of a point on the set, for rows that are not independent there
 CONTRACTION = 0.4  # of successive corrector steps
 ITERATIONS = 8
+SOUND = 100.0  # of the largest row: a longer step comes from equations that are almost singular
 KEPT = 4  # points for which a frame is kept
 SMALL = 1e-5  # of the largest entry: a smallest singular value that wants a closer look
 
@@ -31,7 +32,8 @@ class Here:
     """A point of the path with the equations' frame, tangent, and what is told from it.
 
     ``squeeze`` (size - 1, rows) combines rows that depend on each other; ``weak`` (size - 1,) is
-    the left singular vector of the smallest singular value ``least``.
+    the left singular vector of the smallest singular value ``least``; ``bend`` (size,) is how the
+    tangent turned by the way to here.
     """
 
     z: np.ndarray
@@ -41,6 +43,7 @@ class Here:
     sign: int
     least: float
     weak: np.ndarray
+    bend: np.ndarray
     age: int = 0
 
 
@@ -60,12 +63,13 @@ def at(system: SmoothEquations, z: np.ndarray, towards: np.ndarray) -> Here | No
         return None
     tangent = vt[-1]
     tangent = tangent * (1.0 if tangent @ towards >= 0.0 else -1.0)
-    squeeze, weak = None, u[:, rank - 1]
+    squeeze, weak = None, u[:, rank - 1] if rank else np.zeros(0)
     if jacobian.shape[0] != rank:  # more rows than their rank: dependent, yet consistent
         squeeze = u[:, :rank].T
         jacobian, weak = squeeze @ jacobian, squeeze @ weak
     sign = Factors.of(np.vstack([jacobian, tangent])).sign
-    return Here(z, frame, squeeze, tangent, sign, float(s[rank - 1]), weak)
+    smallest = float(s[rank - 1]) if rank else 1.0
+    return Here(z, frame, squeeze, tangent, sign, smallest, weak, np.zeros(system.size))
 
 
 def across(
@@ -82,17 +86,19 @@ def across(
             values, jacobian = system.evaluate(z, here.frame)
         except np.linalg.LinAlgError:
             return None  # the frame does not suit the point any more
-        every = float(np.abs(values).max(initial=0.0))
+        every = worst = largest(values)
         if here.squeeze is not None:
             values, jacobian = here.squeeze @ values, here.squeeze @ jacobian
+            worst = largest(values)
         factors = Factors.of(np.concatenate([jacobian, here.tangent[None]]))
-        if float(np.abs(values).max(initial=0.0)) < SOLVED:
-            # rows taken for dependent must vanish with the others
-            return (z, factors, first) if every < DEPENDENT else None
+        if worst < SOLVED and every >= DEPENDENT:
+            return None  # rows taken for dependent must vanish with the others
         if factors.sign == 0:
-            return None
+            return (z, factors, first) if worst < SOLVED else None
         step = factors.step(np.append(values, 0.0))
         size = math.sqrt(step @ step)
+        if worst < SOLVED:  # the last step takes the rest out, but not next to a branch point
+            return (system.move(z, step) if size < SOUND * worst else z), factors, first
         if not size <= min(max(CONTRACTION * last, 1e-11), 0.5 * h + 1e-9):
             return None
         first, last = (size, size) if count == 0 else (first, size)
@@ -108,40 +114,51 @@ def onward(
     The step gives the point, whether the determinant's sign changed, and what is there: None where
     the tangent is not unique.
     """
-    factors, grow = None, 1.0
-    while factors is None and h * grow >= SMALLEST:
+    step, grow = None, 1.0
+    while step is None and h * grow >= SMALLEST:
         h *= grow
-        z, factors, grow = _step(system, here, h)
-        if factors is None and here.age:  # the frame may be to blame
+        step, grow = _step(system, here, h)
+        if step is None and here.age and here.frame is not None:  # it may be to blame
             fresh = at(system, here.z, here.tangent)
             here, grow = (here, grow) if fresh is None else (fresh, 1.0)
-    if factors is None:
+    if step is None:
         return None, h, grow
-    tangent = _tangent(factors)
+    z, factors, tangent = step
     flip = factors.sign * here.sign < 0
+    bend = (tangent * float(here.tangent @ tangent) - here.tangent) / h  # at right angles to it
+    there: Here | None = None
     if here.squeeze is None and (here.frame is None or here.age < KEPT):
         weak, least = _weakest(factors, here.weak, tangent)
-        if least > SMALL * float(np.abs(factors.matrix).max()):
-            there = Here(z, here.frame, None, tangent, factors.sign, least, weak, here.age + 1)
-            return (z, flip, there), h, grow
-    return (z, flip, at(system, z, tangent)), h, grow
+        if least > SMALL * largest(factors.matrix):
+            age = here.age + 1
+            there = Here(z, here.frame, None, tangent, factors.sign, least, weak, bend, age)
+    if there is None:
+        there = at(system, z, tangent)
+        there = None if there is None else replace(there, bend=bend)
+    return (z, flip, there), h, grow
 
 
 def _step(
     system: SmoothEquations, here: Here, h: float
-) -> tuple[np.ndarray, Factors | None, float]:
-    """Point a step of length h further and the factors there, or None; the next step's factor."""
-    found = across(system, here, system.move(here.z, h * here.tangent), h)
+) -> tuple[tuple[np.ndarray, Factors, np.ndarray] | None, float]:
+    """Point a step of length h further with factors and tangent, or None; the next step's factor.
+
+    Steps are as short as they would have to be along the tangent alone.
+    """
+    aside = 0.5 * h * h * here.bend
+    found = across(system, here, system.move(here.z, h * here.tangent + aside), h)
     if found is None:
-        return here.z, None, 0.5
+        return None, 0.5
     z, factors, first = found
     if factors.sign == 0:
-        return here.z, None, 0.7
-    turn = math.acos(min(1.0, float(_tangent(factors) @ here.tangent)))
+        return None, 0.7
+    tangent = _tangent(factors)
+    turn = math.acos(min(1.0, float(tangent @ here.tangent)))
     if turn > TURN:
-        return here.z, None, max(0.2, 0.7 * TURN / turn)
-    strain = max(turn / (0.6 * TURN), first / h / 0.05, 0.25)
-    return z, factors, min(max(1.0 / strain, 0.5), 2.0)
+        return None, max(0.2, 0.7 * TURN / turn)
+    miss = max(first, math.sqrt(aside @ aside))
+    strain = max(turn / (0.6 * TURN), miss / h / 0.05, 0.25)
+    return (z, factors, tangent), min(max(1.0 / strain, 0.5), 2.0)
 
 
 def _tangent(factors: Factors) -> np.ndarray:
