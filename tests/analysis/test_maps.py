@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 import xarray as xr
 from conftest import Tolerances, assert_close
+from oracle.reference_cells import ReferenceCells
 
 import closedchain as cc
+from closedchain.analysis.singularity.maps.anchor import anchor_of
 from closedchain.analysis.singularity.maps.grid import (
     JOINT_LIMIT,
     NOT_CONVERGED,
@@ -17,8 +19,10 @@ from closedchain.analysis.singularity.maps.grid import (
     OTHER_BRANCH,
     STATUSES,
     UNREACHABLE,
+    UNSEEN,
     grid_of,
 )
+from closedchain.analysis.singularity.measures_table import MEASURES
 from closedchain.robots import linear_delta as ld
 from closedchain.robots import rpa3t
 from closedchain.robots.d1 import forward, geometry
@@ -103,24 +107,30 @@ def test_cells_are_assemblies_of_the_closed_form(d1: cc.Mechanism) -> None:
     ],
 )
 @pytest.mark.slow
-def test_kernel_and_reference_agree(
+def test_a_slow_second_implementation_agrees(
     robot: str, over: Mapping[str, np.ndarray], at: Mapping[str, float] | None
 ) -> None:
     m = cc.load(robot)
-    one, two = (
-        cc.singularity_map(m, over, at, progress=False, keep_q=True, _reference=reference)
-        for reference in (False, True)
-    )
-    inside = one["status"].to_numpy() == OK
-    assert np.array_equal(inside, two["status"].to_numpy() == OK)
-    assert list(one.data_vars) == list(two.data_vars)
-    for name in ("sigma_direct", "sigma_inverse", "sigma_constraint", "residual", "q"):
-        assert_close(one[name].to_numpy()[inside], two[name].to_numpy()[inside], 1e-10)
-    for name in {"det_direct", "det_inverse"} & set(one.data_vars):
-        a, b = (x[name].to_numpy()[inside] for x in (one, two))
-        assert_close(a, b, 1e-10 * float(np.abs(b).max()))
-    regular = inside & (two["condition"].to_numpy() < 1e6)
-    ratio = one["condition"].to_numpy()[regular] / two["condition"].to_numpy()[regular]
+    found = cc.singularity_map(m, over, at, progress=False, keep_q=True)
+    grid = grid_of(m, over, at)
+    cells_, anchor = ReferenceCells(grid.chart), anchor_of(grid)
+    values = np.stack(np.meshgrid(*grid.values, indexing="ij"), axis=-1)
+    status, q = np.full(grid.shape, UNSEEN, dtype=np.int8), np.zeros((*grid.shape, m.model.nq))
+    q[anchor.cell] = anchor.q
+    seed = np.array([np.ravel_multi_index(anchor.cell, grid.shape)])
+    cells_.spread(values, status, q, seed, OK)
+    inside = found["status"].to_numpy() == OK
+    assert np.array_equal(inside, status == OK)
+    expected = cells_.measures(q[inside], m.outputs())
+    assert list(found.data_vars) == ["status", *(n for n in MEASURES if n in expected), "q"]
+    assert_close(found["q"].to_numpy()[inside], q[inside], 1e-10)
+    for name in ("sigma_direct", "sigma_inverse", "sigma_constraint", "residual"):
+        assert_close(found[name].to_numpy()[inside], expected[name], 1e-10)
+    for name in {"det_direct", "det_inverse"} & set(found.data_vars):
+        one, two = found[name].to_numpy()[inside], expected[name]
+        assert_close(one, two, 1e-10 * float(np.abs(two).max()))
+    regular = expected["condition"] < 1e6
+    ratio = found["condition"].to_numpy()[inside][regular] / expected["condition"][regular]
     assert_close(ratio, np.ones(ratio.size), 1e-8)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import subprocess
 import sys
 import time
@@ -76,12 +77,13 @@ def test_work_pickles(delta: cc.Mechanism) -> None:
     import pickle
 
     from closedchain.analysis.singularity.maps.anchor import anchor_of
+    from closedchain.analysis.singularity.maps.choice import chosen
     from closedchain.analysis.singularity.maps.grid import OK, UNSEEN, grid_of
     from closedchain.analysis.singularity.maps.spreading import Job, Task, work
 
     grid = grid_of(delta, OVER, AT)
     tiles = tiles_of(grid.shape, 4, grid.names)
-    job = Job(grid, tiles, ("x", "y", "z"), keep_q=True)
+    job = Job(grid, tiles, chosen(delta, ("x", "y", "z"), grid.names, None), keep_q=True)
     anchor = anchor_of(grid)
     tile = tiles.holding(anchor.cell)
     task = Task(
@@ -277,7 +279,7 @@ def test_ways_that_end_for_no_reason_are_not_converged() -> None:
     from closedchain.analysis.singularity.maps.grid import NOT_CONVERGED, OK, UNREACHABLE
     from closedchain.analysis.singularity.maps.storage import in_memory
     from closedchain.analysis.singularity.maps.tiles import Found
-    from closedchain.closure.batch.codes import FOLD, STUCK
+    from closedchain.closure.solve.flood import FOLD, STUCK
 
     store = in_memory(Tiles((6,), (6,)), (), 3, keep_q=False)
     one, none = np.array([0]), np.zeros(0, dtype=int)
@@ -290,12 +292,143 @@ def test_ways_that_end_for_no_reason_are_not_converged() -> None:
 
 
 def test_folds_are_told_from_regular_ways(delta: cc.Mechanism) -> None:
-    from closedchain.analysis.singularity.maps.cells import ReferenceCells
+    """Of single ways, long ones too: of two cells the second is reached, or not for a fold."""
+    from oracle.reference_cells import ReferenceCells
+
     from closedchain.closure.charting import chart_of
+    from closedchain.closure.solve.flood import ARRIVED, FOLD, Block, flood
 
     chart = chart_of(delta, ("x", "y"))
-    cells = ReferenceCells(chart, ())
+    cells = ReferenceCells(chart)
     home = chart.values(delta.home)
-    for outwards in ([0.9, 0.0], [0.0, -0.9], [0.6, 0.7]):
-        assert cells.ends_at_fold(delta.home, home, np.array(outwards))
-    assert not cells.ends_at_fold(delta.home, home, np.array([0.1, 0.1]))
+    for outwards, end in (
+        ([0.9, 0.0], FOLD),
+        ([0.0, -0.9], FOLD),
+        ([0.6, 0.7], FOLD),
+        ([0.1, 0.1], ARRIVED),
+    ):
+        target = np.array(outwards)
+        q = np.stack([delta.home, delta.home])
+        targets = chart.targets(np.stack([home, target]))
+        codes = flood(Block(chart.problem, targets, np.ones(2, dtype=bool), q), [0])
+        assert codes.tolist() == [ARRIVED, end]
+        assert cells.ends_at_fold(delta.home, home, target) == (end == FOLD)
+
+
+# -- measures of the user -------------------------------------------------------------------------
+
+
+def largest_angle(mechanism: cc.Mechanism, postures: np.ndarray) -> np.ndarray:
+    """Largest joint angle."""
+    turning = ~mechanism.translational
+    return np.abs(postures[:, turning]).max(axis=1)
+
+
+def test_measures_of_the_user_are_variables(
+    ask: Callable[..., xr.Dataset], whole: xr.Dataset, delta: cc.Mechanism, tmp_path: Path
+) -> None:
+    own = {"largest_angle": largest_angle}
+    found = ask(measures=own)
+    xr.testing.assert_identical(found.drop_vars("largest_angle"), whole)
+    ok = found["status"].to_numpy() == 0
+    values = found["largest_angle"]
+    assert values.attrs == {"units": "1", "long_name": "Largest joint angle"}
+    expected = largest_angle(delta, found["q"].to_numpy()[ok])
+    assert np.array_equal(values.to_numpy()[ok], expected)
+    assert np.isnan(values.to_numpy()[~ok]).all()
+    stored = ask(measures=own, save=tmp_path / "map.zarr")
+    xr.testing.assert_identical(stored.load(), found)
+    xr.testing.assert_identical(ask(measures=own, save=tmp_path / "map.zarr").load(), found)
+    with pytest.raises(cc.ClosureError, match="another map: functions differs"):
+        ask(save=tmp_path / "map.zarr")
+
+
+def test_stopped_runs_go_on_with_measures_of_the_user(
+    ask: Callable[..., xr.Dataset], tmp_path: Path
+) -> None:
+    wanted = ["condition", {"largest_angle": largest_angle}]
+    expected = ask(measures=wanted)
+    assert set(expected.data_vars) == {"status", "condition", "largest_angle", "q"}
+    calls = count()
+
+    def stop(*_: object) -> None:
+        if next(calls) > 6:
+            raise Stopped
+
+    with pytest.raises(Stopped):
+        ask(measures=wanted, save=tmp_path / "map.zarr", progress=stop, workers=1)
+    resumed = ask(measures=wanted, save=tmp_path / "map.zarr")
+    xr.testing.assert_identical(resumed.load(), expected)
+
+
+@pytest.mark.slow
+def test_measures_of_the_user_on_dask(ask: Callable[..., xr.Dataset]) -> None:
+    distributed = pytest.importorskip("distributed")
+    quiet = {"processes": False, "n_workers": 2, "threads_per_worker": 1}
+    with distributed.Client(**quiet, dashboard_address=None) as client:
+        found = ask(client=client, measures={"largest_angle": largest_angle})
+        xr.testing.assert_identical(found, ask(measures={"largest_angle": largest_angle}))
+
+
+def test_names_leave_out_other_measures(ask: Callable[..., xr.Dataset], whole: xr.Dataset) -> None:
+    for name in ("det_inverse", "sigma_direct"):
+        found = ask(measures=[name], keep_q=False)
+        assert set(found.data_vars) == {"status", name}
+        xr.testing.assert_identical(found[name], whole[name])
+
+
+@pytest.mark.parametrize(
+    ("measures", "more", "message"),
+    [
+        (["speed"], {}, "unknown measure of 'linear_delta' 'speed'.*sigma_direct"),
+        ({"condition": largest_angle}, {}, "'condition' needs another name"),
+        ({"q1": largest_angle}, {}, "'q1' needs another name"),
+        ({"own": 3.0}, {}, "'own' must be a function of a mechanism and postures"),
+        ({"own": lambda m, q: q[:, 0]}, {"save": "map.zarr"}, "'own' cannot be pickled"),
+        ({"own": lambda m, q: q}, {}, r"'own' must give one number for each of \d+ postures"),
+    ],
+)
+def test_bad_measures_are_refused(
+    ask: Callable[..., xr.Dataset],
+    tmp_path: Path,
+    measures: Any,
+    more: dict[str, Any],
+    message: str,
+) -> None:
+    with pytest.raises(cc.ClosureError, match=message):
+        ask(measures=measures, **{k: tmp_path / v for k, v in more.items()})
+
+
+# -- interrupts -----------------------------------------------------------------------------------
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("workers", [1, 2])
+def test_an_interrupt_stops_a_map_within_a_second(workers: int) -> None:
+    """Ctrl-C, in a process of its own: the time from the signal to its end."""
+    text = (
+        "import numpy as np, closedchain as cc\n"
+        "axis = np.linspace(-0.2, 0.2, 200)\n"
+        "said = []\n"
+        "def say(what, done, total):\n"
+        "    if total and done and not said:\n"
+        "        said.append(print('going', flush=True))\n"
+        "over = {'x': axis, 'y': axis, 'z': axis - 0.6}\n"
+        f"cc.singularity_map(cc.load('linear_delta'), over, progress=say, workers={workers}, "
+        "save=None, measures=['condition'])\n"
+    )
+    process = subprocess.Popen(
+        [sys.executable, "-c", text], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    try:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "going\n"
+        time.sleep(0.3)
+        begin = time.monotonic()
+        process.send_signal(signal.SIGINT)
+        _, error = process.communicate(timeout=20)
+        assert time.monotonic() - begin < 1.0
+        assert "KeyboardInterrupt" in error
+    finally:
+        process.kill()
+        process.wait()

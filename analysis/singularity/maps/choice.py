@@ -1,31 +1,39 @@
-"""Which measures a map holds: those of the table, and functions of its user."""
+"""Which measures a map holds: entries of the table, and functions of its user."""
 
 from __future__ import annotations
 
 import pickle
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
-from closedchain.analysis.singularity.bulk.measuring import bulk_measures
-from closedchain.analysis.singularity.maps.measures import LONG_NAMES, oriented
+from closedchain.analysis.singularity.maps.measures import oriented
+from closedchain.analysis.singularity.measures_table import (
+    MEASURES,
+    Function,
+    Measure,
+    Postures,
+    evaluated,
+    from_function,
+)
 from closedchain.closure.chart import Chart
 from closedchain.closure.mechanism import Mechanism
 from closedchain.urdf.errors import ClosureError, known_names
 
-Function = Callable[[Mechanism, np.ndarray], np.ndarray]
-"""From a mechanism and closed postures (n, nq) to a number for each, (n,)."""
 Functions = Mapping[str, Function]
 Wanted = Functions | Sequence[str | Functions] | None
 
 OWN = ("status", "q")
 """Names of arrays of a map that are no measures."""
 
+_SIGNED = ("det_direct", "det_inverse")  # each tells the sign of the other
+
 
 @dataclass(frozen=True, eq=False)
 class Choice:
-    """Measures of a map.
+    """Measures of a map. Pickles where its functions do.
 
     Attributes
     ----------
@@ -46,28 +54,28 @@ class Choice:
         """Names of all measures."""
         return (*self.names, *self.functions)
 
+    @cached_property
+    def entries(self) -> Mapping[str, Measure]:
+        """Entries by name; both determinants where either is wanted."""
+        signed = _SIGNED if set(self.names) & set(_SIGNED) else ()
+        entries = {name: MEASURES[name] for name in (*self.names, *signed)}
+        return entries | {name: from_function(f, name) for name, f in self.functions.items()}
+
     def at(self, chart: Chart, q: np.ndarray) -> dict[str, np.ndarray]:
         """Measures (n,) of closed postures (n, nq), by name.
 
         Raises
         ------
         ClosureError
-            A function of the user fails, or does not give a number for each posture.
+            A function of the user does not give a number for each posture.
         """
-        mechanism = chart.mechanism
-        found: dict[str, np.ndarray] = {}
-        if self.names:
-            table = oriented(chart, bulk_measures(mechanism, self.outputs).measures(q))
-            found = {name: table[name] for name in self.names}
-        for name, function in self.functions.items():
-            values = np.asarray(function(mechanism, q.copy()), dtype=float)
-            if values.shape != (len(q),):
-                raise ClosureError(
-                    f"measure {name!r} must give one number for each posture: for postures of the "
-                    f"shape {q.shape} the shape {(len(q),)}, got {values.shape}"
-                )
-            found[name] = values
-        return found
+        found = evaluated(Postures(chart.mechanism, q, self.outputs), self.entries.values())
+        found = oriented(chart, found)
+        return {name: found[name] for name in self.every}
+
+    def __getstate__(self) -> dict[str, object]:
+        """Pickle the fields, not the entries made from them."""
+        return {name: getattr(self, name) for name in self.__dataclass_fields__}
 
 
 def chosen(
@@ -82,11 +90,10 @@ def chosen(
     Raises
     ------
     ClosureError
-        Unknown or repeated names, names that are taken, functions that are none.
+        Unknown names, names that are taken, functions that are none.
     """
-    nothing = np.zeros((0, mechanism.model.nq))
-    table = tuple(bulk_measures(mechanism, outputs).measures(nothing))
-    table = tuple(name for name in LONG_NAMES if name in table)
+    nothing = Postures(mechanism, np.zeros((0, mechanism.model.nq)), outputs)
+    table = tuple(evaluated(nothing, MEASURES.values()))
     parts: list[str | Functions]
     if wanted is None or isinstance(wanted, Mapping):
         parts = [*table, wanted or {}]
@@ -97,7 +104,7 @@ def chosen(
     for part in parts:
         if isinstance(part, Mapping):
             for name, function in part.items():
-                _check(str(name), function, (*table, *OWN, *taken, *functions))
+                _check(str(name), function, (*MEASURES, *OWN, *taken, *functions))
                 functions[str(name)] = function
         elif part not in table:
             raise ClosureError(known_names(str(part), f"measure of {mechanism.name!r}", table))
@@ -132,12 +139,6 @@ def check_portable(functions: Functions) -> None:
                 f"measure {name!r} cannot be pickled ({error}): a map that is saved, or made by "
                 "Dask, needs functions that can be imported, such as those at the top of a module"
             ) from None
-
-
-def described(function: Function) -> str:
-    """What a function says of itself: the first line of its docstring, or its name."""
-    lines = (function.__doc__ or "").strip().splitlines()
-    return lines[0] if lines else identity(function)
 
 
 def identity(function: Function) -> str:

@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from closedchain.analysis.singularity.maps.choice import Choice, described
+from closedchain.analysis.singularity.maps.choice import Choice
 from closedchain.analysis.singularity.maps.grid import STATUSES, Grid
-from closedchain.analysis.singularity.maps.measures import LONG_NAMES
 from closedchain.closure.chart import TILTS, Chart
 from closedchain.urdf.description import OUTPUTS
 
@@ -46,9 +45,8 @@ def array_labels(name: str, measures: Choice) -> dict[str, Any]:
         return dict(STATUS_LABELS)
     if name == "q":
         return {"long_name": "configuration", "units": "m or rad"}
-    if name in measures.functions:
-        return {"long_name": described(measures.functions[name])}
-    return {"units": "m or rad" if name == "residual" else "1", "long_name": LONG_NAMES[name]}
+    entry = measures.entries[name]
+    return {"units": entry.unit or "1", "long_name": entry.long_name}
 
 
 def coordinate_labels(chart: Chart, name: str) -> dict[str, Any]:

@@ -74,7 +74,13 @@ def opened(folder: Path) -> xr.Dataset:
     found = xr.open_dataset(folder, engine="zarr", chunks=None)
     request = found.attrs.pop(_REQUEST)
     del found.attrs[_COMPLETE]
-    return found[[name for name in ("status", *request["measures"], *request["functions"], "q") if name in found]]
+    return found[
+        [
+            name
+            for name in ("status", *request["measures"], *request["functions"], "q")
+            if name in found
+        ]
+    ]
 
 
 def request_of(job: Job) -> dict[str, Any]:

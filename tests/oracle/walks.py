@@ -1,4 +1,4 @@
-"""Mechanisms, postures and reference walks for tests of the batch kernel. No tests here."""
+"""Postures, and grids filled by walking with ``closure.continuation``. No tests here."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def cells(chart: Chart, half: float, count: int) -> np.ndarray:
 
 
 def walk(chart: Chart, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Reach a block from its middle with ``closure.continuation``: the definition of ``spread``."""
+    """Reach a block from its middle with ``closure.continuation``: what ``flood`` does."""
     m, shape = chart.mechanism, values.shape[:-1]
     status = np.full(shape, UNSEEN, dtype=np.int8)
     q = np.zeros((*shape, m.model.nq))
