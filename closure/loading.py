@@ -12,8 +12,9 @@ import pinocchio as pin
 from closedchain.closure.closures import Closure, CoupledJoint, Coupling
 from closedchain.closure.length import characteristic_length
 from closedchain.closure.mechanism import Mechanism, TaskFrame
+from closedchain.closure.named import Postures
 from closedchain.closure.nearest import close
-from closedchain.closure.tree import Tree, build_tree, se3
+from closedchain.closure.tree import Tree, build_tree, se3, z_onto
 from closedchain.urdf.description import Coupling as MimicSpec
 from closedchain.urdf.description import Description, JointRelation, LoopClosure, ParameterValue
 from closedchain.urdf.errors import DescriptionError
@@ -70,6 +71,7 @@ def mechanism_from_description(description: Description) -> Mechanism:
         parameters=description.parameters,
         length=1.0,
         description=description,
+        named=Postures,
     )
     # the length of the stated posture closes home, whose own length then holds
     mechanism = replace(mechanism, length=_length(mechanism, stated))
@@ -104,22 +106,13 @@ def _closure(tree: Tree, spec: LoopClosure) -> Closure:
         name=spec.name,
         kind=spec.type,
         joint1=joint1,
-        placement1=placement1 * se3(spec.parent_origin) * _z_onto(spec.parent_axis),
+        placement1=placement1 * se3(spec.parent_origin) * z_onto(spec.parent_axis),
         joint2=joint2,
-        placement2=placement2 * se3(spec.child_origin) * _z_onto(spec.child_axis),
+        placement2=placement2 * se3(spec.child_origin) * z_onto(spec.child_axis),
         parent=spec.parent,
         child=spec.child,
         sizes=dict(spec.sizes),
     )
-
-
-def _z_onto(axis: tuple[float, float, float]) -> pin.SE3:
-    """Rotation by the least angle that takes z onto ``axis``; half a turn about x for -z."""
-    target = np.array(axis)
-    if target[2] < -1.0 + 1e-12:
-        return pin.SE3(np.diag([1.0, -1.0, -1.0]), np.zeros(3))
-    quaternion = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), target)
-    return pin.SE3(quaternion.matrix(), np.zeros(3))
 
 
 def _mimic(tree: Tree, description: Description, spec: MimicSpec) -> Coupling:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 import threading
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -18,9 +18,6 @@ from closedchain.closure.closures import Closure, Coupling
 from closedchain.closure.workspace import Workspace
 from closedchain.urdf.description import OUTPUTS, Description, ParameterValue
 from closedchain.urdf.errors import ClosureError, known_names
-
-if TYPE_CHECKING:
-    from closedchain.closure.named import Postures
 
 QUATERNION_TOLERANCE = 1e-6
 LARGEST_NUMBER = 1e6  # metres or radians: beyond it rounding alone breaks the closure tolerance
@@ -62,6 +59,8 @@ class Mechanism:
         Characteristic length [m] that makes lengths dimensionless.
     description : Description
         What the mechanism was built from.
+    named : callable, optional
+        Gives the closed postures by name of a mechanism; only "home" without.
     """
 
     name: str
@@ -73,6 +72,7 @@ class Mechanism:
     parameters: Mapping[str, ParameterValue]
     length: float
     description: Description = field(repr=False)
+    named: Callable[[Mechanism], Mapping[str, np.ndarray]] | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         """Write-protect the home posture and the parameters."""
@@ -188,11 +188,9 @@ class Mechanism:
     # -- named postures --------------------------------------------------------------------------
 
     @cached_property
-    def postures(self) -> Postures:
+    def postures(self) -> Mapping[str, np.ndarray]:
         """Closed posture (nq,) of each name, "home" first; closed when first asked for."""
-        from closedchain.closure.named import Postures
-
-        return Postures(self)
+        return {"home": self.home} if self.named is None else self.named(self)
 
     def posture(self, name: str) -> np.ndarray:
         """Closed posture (nq,) of that name, write-protected: "home" or another of the description.

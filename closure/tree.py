@@ -25,6 +25,15 @@ def se3(origin: Origin) -> pin.SE3:
     return pin.SE3(pin.rpy.rpyToMatrix(*origin.rpy), np.array(origin.xyz))
 
 
+def z_onto(axis: tuple[float, float, float]) -> pin.SE3:
+    """Rotation by the least angle that takes z onto ``axis``; half a turn about x for -z."""
+    target = np.array(axis)
+    if target[2] < -1.0 + 1e-12:
+        return pin.SE3(np.diag([1.0, -1.0, -1.0]), np.zeros(3))
+    quaternion = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), target)
+    return pin.SE3(quaternion.matrix(), np.zeros(3))
+
+
 def build_tree(description: Description) -> Tree:
     """Build the model: joints in document order, depth first; fixed joints only place frames.
 

@@ -2,25 +2,17 @@
 
 from __future__ import annotations
 
-import re
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
 from closedchain.closure import Mechanism
 from closedchain.robots._body import Bodies, at, draw_bodies
 from closedchain.robots._overlays import Overlay, draw_overlay, extent_of
+from closedchain.robots._recorder import TO_Z, Recorder, Up, opened
 
-Up = Literal["x", "y", "z"]
-
-TO_Z = {  # rotation that takes the world axis "up" to Meshcat's z
-    "x": np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]]),
-    "y": np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]),
-    "z": np.eye(3),
-}
 # from the scene to the camera, in Meshcat's axes of the camera: y is up and -z is world y
 _VIEW = np.array([0.55, 0.22, 0.80])
 _FROM_ABOVE = np.array([0.20, 0.90, 0.45])  # for a mechanism that lies in a plane
@@ -28,35 +20,6 @@ _FROM_ABOVE = np.array([0.20, 0.90, 0.45])  # for a mechanism that lies in a pla
 # 75 degrees high; a page of 6:5 and wider shows all, with a margin
 _REACH = 0.85 * np.tan(np.radians(37.5)) * np.array([1.2, 1.0])
 _LIT = (0.1, 30.0)  # [m] radii of scenes that Meshcat's lights and clipping planes suit
-_IDENTIFIER = re.compile(r"[0-9a-f]{8}(-[0-9a-f]{4}){3}-[0-9a-f]{12}")
-
-
-class Recorder:
-    """What Meshcat takes for its window: keeps the commands instead of sending them.
-
-    Meshcat's random identifiers are replaced by numbers, so that equal drawings are equal bytes.
-    """
-
-    web_url = ""
-
-    def __init__(self) -> None:
-        self.commands: list[bytes] = []
-        self._numbers: dict[str, str] = {}
-
-    def send(self, command: Any) -> None:
-        """Keep a command as Meshcat packs it."""
-        import umsgpack  # type: ignore[import-untyped]
-
-        self.commands.append(umsgpack.packb(self._numbered(command.lower())))
-
-    def _numbered(self, value: Any) -> Any:
-        if isinstance(value, dict):
-            return {key: self._numbered(item) for key, item in value.items()}
-        if isinstance(value, list) and value and isinstance(value[0], dict):
-            return [self._numbered(item) for item in value]
-        if isinstance(value, str) and _IDENTIFIER.fullmatch(value):
-            return self._numbers.setdefault(value, f"id-{len(self._numbers)}")
-        return value
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,11 +39,7 @@ def draw(
     overlays: Sequence[Overlay] = (),
 ) -> Scene:
     """Record the drawing of the first of the postures (n, nq), framed so that all are in view."""
-    with warnings.catch_warnings():  # meshcat asks pyzmq for a module that pyzmq deprecates
-        warnings.simplefilter("ignore", DeprecationWarning)
-        import meshcat
-
-    view = meshcat.Visualizer(window=recorder)
+    view = opened(recorder)
     robot = view["robot"]
     bodies = draw_bodies(robot, mechanism, postures)
     for i, overlay in enumerate(overlays):
@@ -88,11 +47,6 @@ def draw(
     points = np.vstack([bodies.extent, *(extent_of(overlay) for overlay in overlays)])
     _look_at(view, points @ TO_Z[up].T, TO_Z[up])
     return Scene(bodies, robot, robot.path.lower())
-
-
-def extent(mechanism: Mechanism, postures: np.ndarray) -> np.ndarray:
-    """Points (n, 3) [m] in the world that bound the drawing of postures (n, nq)."""
-    return draw(Recorder(), mechanism, postures, "z").bodies.extent
 
 
 def _look_at(view: Any, points: np.ndarray, rotation: np.ndarray) -> None:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from closedchain.closure import Mechanism
+from closedchain.robots._recorder import TO_Z, extent
 from closedchain.robots.overlays import Painted, Surface, numbers, spots
 from closedchain.urdf.errors import ClosureError
 
@@ -186,8 +187,6 @@ def boxed(
     ClosureError
         No overlay and no ranges, wrong shapes, coordinates outside the ranges.
     """
-    from closedchain.robots._scene import TO_Z, extent  # which draws boxes
-
     if up not in TO_Z or side not in ("right", "left"):
         raise ClosureError(f"up must be x, y or z and side right or left, got {up!r}, {side!r}")
     points = [o.vertices if isinstance(o, Surface) else o.points for o in overlays]

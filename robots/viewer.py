@@ -22,7 +22,8 @@ from closedchain.closure import Mechanism
 from closedchain.robots._overlays import Overlay, legend_of
 from closedchain.robots._page import labels, page, player
 from closedchain.robots._player import draw_balls, player_data, readout_rows, trace_lines
-from closedchain.robots._scene import TO_Z, Recorder, Up, draw
+from closedchain.robots._recorder import TO_Z, Recorder, Up
+from closedchain.robots._scene import draw
 from closedchain.robots.animation import (
     Animation,
     Readout,

@@ -223,21 +223,7 @@ def _leg(
     origin: np.ndarray,
 ) -> tuple[Leg, _Wrenches, np.ndarray]:
     """A leg, its wrenches (6, k) about the tip's origin, and its inputs' screws (6, n_inputs)."""
-    columns: list[np.ndarray] = []
-    joints: list[str] = []
-    for element, sign in zip(chain.elements, chain.signs, strict=True):
-        if element.composite:
-            space = at.relative_motion(element.pairs, element.start, element.end).basis
-            runs = (" ".join(at.graph.pairs[p].name for p in run) for run in element.members)
-            name = f"[{' | '.join(runs)}]"
-            columns.append(sign * space)
-            joints += [name] * space.shape[1]
-        else:
-            (p,) = element.pairs
-            order = slice(None) if sign > 0 else slice(None, None, -1)
-            columns.append(sign * at.screws[p][:, order])
-            joints += names[p][order]
-    twists = np.hstack(columns)
+    twists, joints = _listed(at, chain, names)
     length = mechanism.length
     scale = mechanism.column_scale
     driven = np.zeros((6, len(mechanism.inputs)))
@@ -289,6 +275,27 @@ def _leg(
         rank=local.rank,
     )
     return leg, at_tip, driven
+
+
+def _listed(
+    at: PairScrews, chain: LegChain, names: tuple[tuple[str, ...], ...]
+) -> tuple[np.ndarray, list[str]]:
+    """Screws (6, n) of a leg's joints, from its start on, and the name of each one's joint."""
+    columns: list[np.ndarray] = []
+    joints: list[str] = []
+    for element, sign in zip(chain.elements, chain.signs, strict=True):
+        if element.composite:
+            space = at.relative_motion(element.pairs, element.start, element.end).basis
+            runs = (" ".join(at.graph.pairs[p].name for p in run) for run in element.members)
+            name = f"[{' | '.join(runs)}]"
+            columns.append(sign * space)
+            joints += [name] * space.shape[1]
+        else:
+            (p,) = element.pairs
+            order = slice(None) if sign > 0 else slice(None, None, -1)
+            columns.append(sign * at.screws[p][:, order])
+            joints += names[p][order]
+    return np.hstack(columns), joints
 
 
 def _wrenches(passive: np.ndarray, driven: np.ndarray) -> _Wrenches:

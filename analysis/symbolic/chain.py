@@ -14,7 +14,7 @@ from closedchain.analysis.symbolic.exact import exact_or_rounded
 from closedchain.analysis.symbolic.parameters import Affine, Sizes, law_angle
 from closedchain.analysis.symbolic.ring import Angle
 from closedchain.analysis.symbolic.walk import Fixed, Laws, Slide, Step, Turn
-from closedchain.closure.loading import _z_onto
+from closedchain.closure.tree import z_onto
 from closedchain.urdf.description import Description
 
 _ZERO = Affine({}, {})
@@ -169,7 +169,7 @@ class Chains:
     def _cut_frame(self, element: str, prefix: str, axis: tuple[float, float, float]) -> Fixed:
         """Frame of a cut joint, z along its axis."""
         origin = self._origin(element, f"{prefix}origin_")
-        turned = _z_onto(axis).rotation
+        turned = z_onto(axis).rotation
         if np.array_equal(turned, np.eye(3)):
             return origin
         matrix = tuple(tuple(exact_or_rounded(float(x))[0] for x in row) for row in turned)
