@@ -230,6 +230,11 @@ class JointKind:
         return set(_BALL) <= set(self.screws)
 
     @property
+    def ball_slides(self) -> bool:
+        """Whether it is a ball on a line or a plane: the place of frame 1 there means nothing."""
+        return self.turns_freely and any(screw.is_length for screw in self.screws)
+
+    @property
     def is_rod(self) -> bool:
         """Whether a rod between the two origins stands for it, which is no body."""
         return any(screw.pair == "N" for screw in self.screws)

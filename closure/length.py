@@ -17,9 +17,10 @@ def characteristic_length(
 ) -> float:
     """Root mean square distance [m] of all joints from their centroid at ``q`` (nq,).
 
-    A joint stands at the frames of its two sides, each weighed with half its freedoms; floating
-    joints, which only say where a body is, are left out. So the length does not depend on which
-    joints were cut. 1 for a mechanism without extent.
+    A joint stands at the frames of its two sides, each weighed with half its freedoms; a ball on a
+    line or a plane at the ball, wherever these are said to begin. Floating joints, which only say
+    where a body is, are left out. So the length does not depend on which joints were cut. 1 for a
+    mechanism without extent.
     """
     data = model.createData()
     pin.forwardKinematics(model, data, q)
@@ -31,10 +32,9 @@ def characteristic_length(
             weights += [0.5, 0.5]
     for c in closures:
         if isinstance(c, Closure):
-            points += [
-                (data.oMi[c.joint1] * c.placement1).translation,
-                (data.oMi[c.joint2] * c.placement2).translation,
-            ]
+            one = (data.oMi[c.joint1] * c.placement1).translation
+            two = (data.oMi[c.joint2] * c.placement2).translation
+            points += [two if c.joint_kind.ball_slides else one, two]
             weights += [0.5 * c.joint_kind.freedoms] * 2
     total = sum(weights)
     if total == 0.0:

@@ -215,6 +215,16 @@ def test_ball_on_a_table(tol: Tolerances) -> None:
     assert cc.classify(m, down).kinds == {"direct"}
 
 
+def test_where_a_table_begins_means_nothing() -> None:
+    """The characteristic length is that of the ball and the joints."""
+    m = linkages.ball_on_a_table()
+    text = m.description.text.replace('xyz="0.5 -2 0.1"', 'xyz="3 4 0.1"')
+    moved = cc.load_urdf(text, xacro=False)
+    assert text != m.description.text
+    assert moved.length == pytest.approx(m.length, rel=1e-12)
+    assert 0.1 < m.length < 0.5
+
+
 # -- relations of joint values -------------------------------------------------------------------
 
 
@@ -341,3 +351,50 @@ def test_passive_joints_tied_together_make_no_legs() -> None:
     one_input = cc.load_urdf(text, xacro=False)
     with pytest.raises(cc.ClosureError, match=r"'parallel' .* ties the passive joints c, b"):
         cc.leg_velocity(one_input, one_input.home)
+
+
+@pytest.mark.parametrize("name", MECHANISMS)
+def test_map_cells_are_what_classify_says(name: str, tol: Tolerances) -> None:
+    m = MECHANISMS[name]()
+    start = dict(zip(m.inputs, m.input_values(m.home), strict=True))
+    over = {n: np.linspace(start[n] - 0.04, start[n] + 0.04, 3) for n in m.inputs[:2]}
+    cells = cc.singularity_map(m, over, keep_q=True, progress=False)
+    assert (cells["status"] == 0).all()
+    postures = cells["q"].values.reshape(-1, m.model.nq)
+    for kind in ("direct", "inverse", "constraint"):
+        sigmas = cells[f"sigma_{kind}"].values.ravel()
+        for q, sigma in zip(postures, sigmas, strict=True):
+            assert np.abs(cc.residual(m, q)).max() < tol.closure
+            expected = getattr(cc.classify(m, q), f"sigma_{kind}")
+            assert sigma == pytest.approx(expected, rel=1e-6, abs=tol.singular)
+
+
+def test_singular_curve_of_the_ball_on_a_table(tol: Tolerances) -> None:
+    """The fore arm points straight down: sin b = -1/3, for every turn of the turret."""
+    m = linkages.ball_on_a_table()
+    over = {"q1": (-0.5, 0.5), "q2": (-0.8, 0.4)}
+    found = cc.singularity_set(m, "direct", over=over, progress=False)
+    assert found.dropped == 0
+    assert_close(found.coordinates[:, 1], np.full(len(found.q), math.asin(-1 / 3)), tol.reference)
+    assert found.coordinates[:, 0].min() == pytest.approx(-0.5)
+    assert found.coordinates[:, 0].max() == pytest.approx(0.5)
+
+
+@pytest.mark.parametrize("name", ["slider-crank", "spatial rod four-bar", "cam", "bent finger"])
+def test_a_path_of_inputs_is_tracked(name: str, tol: Tolerances) -> None:
+    m = MECHANISMS[name]()
+    start = m.input_values(m.home)
+    tracked = cc.track(m, np.linspace(start, start + 0.2, 9))
+    assert tracked.complete
+    assert max(np.abs(cc.residual(m, q)).max() for q in tracked.q) < tol.closure
+    assert_close(tracked.q[-1], solved(m, *(start + 0.2)), tol.reference)
+
+
+def test_a_rod_lets_a_locked_delta_move_in_its_spare_freedom(tol: Tolerances) -> None:
+    """Two slides locked: the platform swings on two pairs of rods while the third slide gives."""
+    m = linkages.rod_delta(real=False)
+    moved = cc.self_motion(m, m.home, "z", lock=("q0",))
+    assert len(moved.q) > 10
+    assert max(np.abs(cc.residual(m, q)).max() for q in moved.q) < tol.closure
+    heights = np.array([m.pose(q).translation[2] for q in moved.q])
+    assert_close(heights, np.full(len(heights), heights[0]), tol.reference)

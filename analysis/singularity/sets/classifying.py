@@ -51,7 +51,7 @@ def _chunk(
     at = kinematics(mechanism, q, tip=True)
     task = Measure(mechanism, "inverse", outputs).task_rows(at)
     # the largest singular values hardly change over a set: those of one posture do
-    limits = SINGULAR * _largest(mechanism, at.closures[0], task[0])
+    limits = SINGULAR * _largest(at.closures[0], task[0])
     singular = sigmas <= limits
     sure = (sigmas <= limits / UNSURE) | (sigmas >= limits * UNSURE)
     easy = sure.all(axis=1) & ~singular[:, 2]
@@ -62,7 +62,7 @@ def _chunk(
     if direct.size:
         _, s, vt = np.linalg.svd(at.closures[direct][..., p])
         for i, values, rows in zip(direct.tolist(), s, vt, strict=True):
-            null = rows[int((values > SINGULAR * values[0]).sum()) :]
+            null = rows[int((values > limits[0]).sum()) :]
             motions = np.zeros((nv, len(null)))
             motions[p] = null.T * mechanism.column_scale[p, None]
             free[i] = at.tip[i] @ motions
@@ -86,9 +86,12 @@ def _chunk(
     return out
 
 
-def _largest(mechanism: Mechanism, closures: np.ndarray, task: np.ndarray) -> np.ndarray:
-    """Largest singular values (3,) of K_p, [K; J] and K (rows, nv), J (d, nv)."""
-    watched = (closures[:, mechanism.passive_v], np.concatenate([closures, task]), closures)
+def _largest(closures: np.ndarray, task: np.ndarray) -> np.ndarray:
+    """Largest singular values (3,) to compare with, of K (rows, nv), [K; J] and K; J (d, nv).
+
+    For the direct kind K and not K_p, which is nothing where it has a single row and is singular.
+    """
+    watched = (closures, np.concatenate([closures, task]), closures)
     return np.array([np.linalg.norm(m, ord=2) if m.size else 1.0 for m in watched])
 
 
