@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from closedchain.analysis.singularity.bulk.plan import FirstOrderTape
-from closedchain.analysis.singularity.bulk.values import ritz_code
+from closedchain.analysis.singularity.bulk.values import Search, ritz_code
 from closedchain.closure.tape.cholesky import Cholesky, cholesky, gram
 from closedchain.closure.tape.expression import Expr, total
 from closedchain.closure.tape.lanczos import Lanczos
@@ -25,6 +25,8 @@ ACCURATE = 1e-9
 
 SQUARED = 1e-6
 """Smallest share of the trace of A that its smallest eigenvalue may be: it keeps ten digits."""
+
+MORE = 6  # steps for postures that need more than the samples
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,8 +78,8 @@ class Constraint:
 
     @cached_property
     def lanczos(self) -> Lanczos:
-        """The method, remembering its steps."""
-        return Lanczos(self.factors, self.weights, self.steps)
+        """The method, remembering its steps and those for postures that need more."""
+        return Lanczos(self.factors, self.weights, self.steps + MORE)
 
     @cached_property
     def parameters(self) -> int:
@@ -126,6 +128,16 @@ class Constraint:
     def spread(self) -> Compiled:
         """Squared size (1, n) of a Ritz vector from its value and the tridiagonal matrix."""
         return ritz_code(self.steps)
+
+    @cached_property
+    def spread_further(self) -> Compiled:
+        """The same after some more steps."""
+        return ritz_code(self.steps + MORE)
+
+    @cached_property
+    def further(self) -> Search:
+        """Search for the Ritz value after some more steps."""
+        return Search((), False, self.steps + MORE)
 
 
 def steps_needed(inverse: np.ndarray, weight: np.ndarray, z: np.ndarray) -> int:

@@ -86,7 +86,7 @@ class MeasuresCode:
     @cached_property
     def search(self) -> Search:
         """The loop over all singular values: of small matrices that do not come out, and of K."""
-        steps = 0 if self.constraint is None else self.constraint.lanczos.steps
+        steps = 0 if self.constraint is None else self.constraint.steps
         if not self.regular:
             return Search((), False, steps)
         sizes = tuple(len(diagonal) for diagonal, _ in self.small.reduced)
@@ -118,6 +118,5 @@ class MeasuresCode:
 
 def first_outputs(tape: FirstOrderTape) -> dict[str, list[Expr]]:
     """Residual, determinants and what guards them."""
-    least, large = tape.guards
-    found = {"residual": [tape.residual], "least": [least], "large": [large]}
-    return found | {name: [det] for name, det in tape.determinants.items()}
+    found = {"residual": tape.residual} | tape.guards | tape.determinants
+    return {name: [expression] for name, expression in found.items()}

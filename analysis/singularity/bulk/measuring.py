@@ -18,6 +18,7 @@ from closedchain.analysis.first_order import OPEN
 from closedchain.analysis.singularity.bulk.machine import MeasuresCode, Numbers
 from closedchain.analysis.singularity.bulk.plan import Plan, planned
 from closedchain.analysis.singularity.bulk.singular import Found, Workspace
+from closedchain.analysis.singularity.classify import SINGULAR
 from closedchain.analysis.singularity.maps.measures import measures_at
 from closedchain.closure.mechanism import Mechanism
 from closedchain.closure.tape.verified import POSTURES, agree, verify
@@ -25,6 +26,8 @@ from closedchain.closure.tape.verified import POSTURES, agree, verify
 DETERMINANTS = ("residual", "det_direct", "det_inverse")
 PIVOT = 1e-5  # dimensionless: digits are lost in proportion to the smallest pivot
 LARGE = 1e4  # of motions for unit input rates: they lose as many digits of the others
+LEFT_OUT = 1e-10  # rows that do not depend on the kept ones here: the rank is not the generic one
+
 CHUNK = 248
 """Postures at once: what is passed between the parts stays in the cache, and rows do not begin at
 multiples of a power of two, which would share a few places of it."""
@@ -112,8 +115,9 @@ class BulkMeasures:
         exact = measures_at(self.mechanism, postures[good], self.outputs)
         for name, values in found.items():
             pair = [values[good], exact[name]]
-            if name == "condition":
-                pair = [1.0 / np.array(x) for x in pair]
+            if name == "condition":  # of rounding where no output moves
+                moves = exact["sigma_inverse"] > SINGULAR
+                pair = [1.0 / x[moves] for x in pair]
             agree(f"{name} of {self.mechanism.name!r}", *pair)
         self._verified.add(full)
 
@@ -136,6 +140,7 @@ def determinants(numbers: Numbers) -> tuple[Found, np.ndarray]:
     found = {name: numbers.one(name).copy() for name in names}
     good = numbers.one("residual") <= OPEN
     good &= (numbers.one("least") > PIVOT) & (numbers.one("large") < LARGE)
+    good &= numbers.one("left_out") < LEFT_OUT
     return found, good
 
 

@@ -219,14 +219,32 @@ class FirstOrderTape:
         return determinant(self.graph, matrix)
 
     @property
-    def guards(self) -> tuple[Expr, Expr]:
-        """Smallest pivot, and the largest entry of what was solved for: huge where it is small."""
-        large = self.graph.constant(1.0)
-        solved = self.outputs + self.inputs + [list(x.values()) for x in self.shares]
-        for row in solved if self.plan.redundant else self.outputs + self.inputs:
-            for entry in row:
-                large = large.max(abs(entry))
-        return self.factors.least, large
+    def guards(self) -> dict[str, Expr]:
+        """What tells whether the numbers can be trusted.
+
+        The smallest pivot; the largest entry of what was solved for, huge where a pivot is small;
+        and how far the closed motions are from meeting the rows left out, which they do wherever
+        these depend on the kept ones.
+        """
+        zero, one = self.graph.constant(0.0), self.graph.constant(1.0)
+        solved = [*rows_of(self.outputs), *rows_of(self.inputs)]
+        left_out = []
+        if self.plan.redundant:
+            solved += [x for share in self.shares for x in share.values()]
+            others = [r for r in range(len(self.entries)) if r not in set(self.plan.kept)]
+            left_out = [self._along(self.entries[r], m) for r in others for m in self.basis]
+        return {
+            "least": self.factors.least,
+            "large": largest(solved, one),
+            "left_out": largest(left_out, zero),
+        }
+
+
+def largest(values: Sequence[Expr], least: Expr) -> Expr:
+    """Largest size of some values, at least ``least``."""
+    for value in values:
+        least = least.max(abs(value))
+    return least
 
 
 def rows_of(matrix: Sequence[Sequence[Expr]]) -> list[Expr]:

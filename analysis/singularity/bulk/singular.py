@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from closedchain.analysis.singularity.bulk.constraint import ACCURATE, SQUARED
+from closedchain.analysis.singularity.bulk.constraint import ACCURATE, MORE, SQUARED, Constraint
 from closedchain.analysis.singularity.bulk.machine import MeasuresCode, Numbers
 from closedchain.analysis.singularity.bulk.values import SEARCHES
 from closedchain.analysis.singularity.rank_loss import (
@@ -15,6 +15,7 @@ from closedchain.analysis.singularity.rank_loss import (
     sigma_direct,
     sigma_inverse,
 )
+from closedchain.closure.tape.machine import Compiled
 
 TICKS = 200  # of a search: some 5 for single eigenvalues, some 30 for coincident ones
 ABOVE = 1.0 + 1e-10  # a trace times this is above the largest eigenvalue
@@ -98,12 +99,32 @@ class Evaluated:
         if constraint is None:
             return Singular(found | {"sigma_constraint": np.ones(n)}, np.ones(n, dtype=bool))
         value, trace = values[-1], numbers.one("constraint")
-        size = constraint.spread.run(np.vstack([value, self.given[-self._ritz :]]))[0]
+        ritz = self.given[-self._ritz :]
+        settled = settles(constraint.spread, value, ritz, self.krylov[-1])
+        again = np.flatnonzero(~settled & np.isfinite(value))
+        if again.size:
+            value[again], settled[again] = self._further(constraint, again)
         with np.errstate(divide="ignore", invalid="ignore"):
-            settled = np.sqrt(self.krylov[-1] / size) < ACCURATE * value
             settled &= value * trace < 1.0 / SQUARED
             found["sigma_constraint"] = 1.0 / np.sqrt(value)
         return Singular(found, settled)
+
+    def _further(self, constraint: Constraint, which: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Values of some postures after some more of Lanczos' steps, and whether they settled."""
+        state = np.ascontiguousarray(self.krylov[:, which])
+        factors = self.numbers["constraint"][1 : 1 + constraint.parameters, which]
+        constraint.loop.run(state, np.ascontiguousarray(factors), MORE)
+        count = constraint.lanczos.steps
+        ritz = np.ascontiguousarray(state[-2 * count : -1])
+        sought = np.ones((2, which.size))
+        sought[0] = ritz[:count].sum(axis=0) * ABOVE
+        constraint.further.loop.run(sought, ritz, TICKS)
+        return sought[0], settles(constraint.spread_further, sought[0], ritz, state[-1])
+
+    def _newest(self, steps: int) -> np.ndarray:
+        """Newest entries of the diagonal of Lanczos' matrix."""
+        end = len(self.krylov) - (steps + MORE)
+        return self.krylov[end - steps : end]
 
     @property
     def _ritz(self) -> int:
@@ -136,9 +157,21 @@ class Evaluated:
                 state[0] = self.given[: ends[0]].sum(axis=0) * ABOVE
             state[3] = self.given[ends[1] : ends[2]].sum(axis=0) * ABOVE
         if ritz:
-            self.given[forms:] = self.krylov[-ritz - 1 : -1]
+            steps = search.steps
+            self.given[forms : forms + steps] = self._newest(steps)
+            self.given[forms + steps :] = self.krylov[-steps:-1]
             state[count - 1] = self.given[forms : forms + search.steps].sum(axis=0) * ABOVE
         search.loop.run(state, self.given, TICKS)
+
+
+def settles(spread: Compiled, value: np.ndarray, ritz: np.ndarray, last: np.ndarray) -> np.ndarray:
+    """Whether Ritz values (n,) are near enough to eigenvalues, by the residual of their vectors.
+
+    ``ritz`` holds Lanczos' tridiagonal matrices, ``last`` the square of the step after them.
+    """
+    size = spread.run(np.vstack([value, ritz]))[0]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(np.sqrt(last / size) < ACCURATE * value)
 
 
 def small_values(code: MeasuresCode, values: np.ndarray) -> Found:
