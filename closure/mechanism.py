@@ -15,12 +15,15 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from closedchain.closure.closures import Closure, Coupling
+from closedchain.closure.joint_kinds import FLOATING, TREE_KINDS
 from closedchain.closure.workspace import Workspace
 from closedchain.urdf.description import OUTPUTS, Description, ParameterValue
 from closedchain.urdf.errors import ClosureError, known_names
 
 QUATERNION_TOLERANCE = 1e-6
+FLOAT = np.dtype(float)
 LARGEST_NUMBER = 1e6  # metres or radians: beyond it rounding alone breaks the closure tolerance
+LARGEST_SQUARE = LARGEST_NUMBER**2
 
 
 @dataclass(frozen=True)
@@ -149,12 +152,10 @@ class Mechanism:
     def translational(self) -> np.ndarray:
         """Which tangent coordinates are translations [m], (nv,) of bool; the others are angles."""
         slides = np.zeros(self.model.nv, dtype=bool)
-        for joint in list(self.model.joints)[1:]:
-            kind = joint.shortname()
-            if "Prismatic" in kind or kind in {"JointModelPX", "JointModelPY", "JointModelPZ"}:
-                slides[joint.idx_v] = True
-            elif kind == "JointModelFreeFlyer":
-                slides[joint.idx_v : joint.idx_v + 3] = True
+        types = {joint.name: joint.type for joint in self.description.joints}
+        for name, joint in list(zip(self.model.names, self.model.joints, strict=True))[1:]:
+            lengths = [screw.is_length for screw in TREE_KINDS[types[name]].screws]
+            slides[joint.idx_v : joint.idx_v + joint.nv] = lengths
         return slides
 
     @cached_property
@@ -184,6 +185,11 @@ class Mechanism:
                 lower[joint.idx_q] = self.model.lowerPositionLimit[joint.idx_q]
                 upper[joint.idx_q] = self.model.upperPositionLimit[joint.idx_q]
         return lower, upper
+
+    @cached_property
+    def known(self) -> dict[Any, Any]:
+        """What was made from this mechanism once and for all, such as machine code; not pickled."""
+        return {}
 
     # -- named postures --------------------------------------------------------------------------
 
@@ -215,14 +221,16 @@ class Mechanism:
             Wrong shape, NaN or infinite entries, or a quaternion that is not normalised.
         """
         array = finite_vector(q, self.model.nq, "configuration q", "nq")
-        for start in self._quaternions:
-            four = array[start : start + 4]
-            norm = math.sqrt(four @ four)
-            if abs(norm - 1.0) > QUATERNION_TOLERANCE:
-                raise ClosureError(
-                    f"q[{start}:{start + 4}] is a quaternion (x y z w) of norm {norm:.6g}; it must "
-                    "be 1 (integrate with pin.integrate, never add to q)"
-                )
+        if self._quaternions:
+            numbers = array.tolist()
+            for start in self._quaternions:
+                x, y, z, w = numbers[start : start + 4]
+                norm = math.sqrt(x * x + y * y + z * z + w * w)
+                if abs(norm - 1.0) > QUATERNION_TOLERANCE:
+                    raise ClosureError(
+                        f"q[{start}:{start + 4}] is a quaternion (x y z w) of norm {norm:.6g}; it "
+                        "must be 1 (integrate with pin.integrate, never add to q)"
+                    )
         return array
 
     def configurations(self, q: ArrayLike) -> np.ndarray:
@@ -268,7 +276,7 @@ class Mechanism:
     @cached_property
     def _quaternions(self) -> tuple[int, ...]:
         joints = list(self.model.joints)[1:]
-        return tuple(j.idx_q + 3 for j in joints if j.shortname() == "JointModelFreeFlyer")
+        return tuple(j.idx_q + 3 for j in joints if j.nq == FLOATING.nq)
 
     def input_values(self, q: ArrayLike) -> np.ndarray:
         """Values of the inputs (n_inputs,) [m or rad] at configuration ``q`` (nq,)."""
@@ -352,9 +360,9 @@ class Mechanism:
 
 def finite_vector(values: ArrayLike, size: int, what: str, unit: str) -> np.ndarray:
     """Check (size,) finite real numbers; a single one may come bare. Raises ``ClosureError``."""
-    if type(values) is np.ndarray and values.dtype == float and values.shape == (size,):
+    if type(values) is np.ndarray and values.dtype is FLOAT and values.shape == (size,):
         array = values.copy()
-        if math.sqrt(array @ array) <= LARGEST_NUMBER:  # also false for what is not finite
+        if array.dot(array) <= LARGEST_SQUARE:  # also false for what is not finite
             return array
     try:
         raw = np.asarray(values)
