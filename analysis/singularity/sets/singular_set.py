@@ -9,6 +9,7 @@ import numpy as np
 
 from closedchain.analysis.singularity.sets.classifying import Kinds, classified
 from closedchain.closure.chart import Chart
+from closedchain.closure.solve.outcome import Ending
 
 KINDS = ("direct", "inverse", "combined", "constraint")
 
@@ -132,7 +133,7 @@ class SingularitySet:
         )
 
 
-LEAVES = "leaves the branch"
+CLOSED, LEAVES = Ending.CLOSED.word, Ending.LEAVES.word
 
 
 def _runs(
@@ -144,14 +145,14 @@ def _runs(
             yield piece, ends
         return
     first, last = ends[0]
-    if first == "closed" and keep.any():
+    if first == CLOSED and keep.any():
         # begin the loop where it is left, so that no stretch is cut at its seam
         seam = int(np.flatnonzero(~keep)[0])
         piece, keep = np.roll(piece, -seam), np.roll(keep, -seam)
     edges = np.flatnonzero(np.diff(np.concatenate([[0], keep.astype(int), [0]])))
     for a, b in zip(edges[::2], edges[1::2], strict=True):
-        begins = first if a == 0 and first != "closed" else LEAVES
-        stops = last if b == len(piece) and last != "closed" else LEAVES
+        begins = first if a == 0 and first != CLOSED else LEAVES
+        stops = last if b == len(piece) and last != CLOSED else LEAVES
         yield piece[a:b], ((begins, stops),)
 
 
