@@ -217,12 +217,14 @@ def test_constraint_curve_of_rpa3t(parallel: cc.Mechanism) -> None:
     check_points(parallel, found, over)
     assert found.verdict == "curve"
     assert len(found.q) > 5
-    assert set(found.kinds) == {frozenset({"constraint", "direct", "inverse"})}
+    assert set(found.kinds) == {frozenset({"constraint", "direct"})}  # no output is lost
     for q in found.q:
         assert abs(factors(parallel, q)["drop"]) < 1e-8
     inverse = cc.singularity_set(parallel, "inverse", over)
     check_points(parallel, inverse, over)
-    assert any("constraint" in kinds for kinds in inverse.kinds)
+    # level rods lose no output, so they are no points of the inverse set
+    assert len(inverse.q) > 0
+    assert not any("constraint" in kinds for kinds in inverse.kinds)
     assert inverse.missed == 0
 
 
