@@ -15,6 +15,7 @@ from closedchain.closure.closures import Closure
 from closedchain.closure.joint_kinds import Slide
 from closedchain.closure.mechanism import Mechanism
 from closedchain.closure.solve.samples import closed_samples
+from closedchain.closure.tape.expression import Expr
 from closedchain.closure.tape.numbers import evaluate
 from closedchain.closure.tape.rows import Entries, Kinematics, kinematics
 from closedchain.closure.task import task_jacobian
@@ -84,7 +85,7 @@ def agree(what: str, found: np.ndarray, expected: np.ndarray) -> None:
         )
 
 
-def _dense(k: Kinematics, rows: Sequence[Entries]) -> list[object]:
+def _dense(k: Kinematics, rows: Sequence[Entries]) -> list[Expr]:
     """All entries of a Jacobian in Pinocchio's v, row by row."""
     zero = k.graph.constant(0.0)
     return [own.get(v, zero) for own in map(k.own, rows) for v in range(k.mechanism.model.nv)]
