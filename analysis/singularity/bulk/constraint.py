@@ -20,7 +20,7 @@ from closedchain.closure.tape.lanczos import Lanczos
 from closedchain.closure.tape.machine import Compiled, Looped
 from closedchain.closure.tape.numbers import evaluate
 
-ACCURATE = 1e-9
+ACCURATE = 2e-9
 """Largest residual of a Ritz vector against its value: twice the relative error of sigma."""
 
 SQUARED = 1e-6

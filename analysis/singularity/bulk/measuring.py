@@ -28,7 +28,7 @@ PIVOT = 1e-5  # dimensionless: digits are lost in proportion to the smallest piv
 LARGE = 1e4  # of motions for unit input rates: they lose as many digits of the others
 LEFT_OUT = 1e-10  # rows that do not depend on the kept ones here: the rank is not the generic one
 
-CHUNK = 248
+CHUNK = 504
 """Postures at once: what is passed between the parts stays in the cache, and rows do not begin at
 multiples of a power of two, which would share a few places of it."""
 
