@@ -69,7 +69,7 @@ def table(measured: list[dict[str, object]]) -> Table:
 
 
 def measure(repeats: int, cells: int) -> list[Row]:
-    """Every row; no map and no batch kernel for ``cells`` 0."""
+    """Every row; no map and no bulk work for ``cells`` 0."""
     measured = [row for case in CASES for row in rows(case, repeats)]
     return [*measured, *batch.rows(cells), map_rate(cells)] if cells else measured
 

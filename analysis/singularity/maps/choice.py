@@ -43,11 +43,14 @@ class Choice:
         Measures of the table, in its order.
     functions : mapping of name to function
         Measures of the user.
+    whole : bool
+        Whether ``names`` are all that the mechanism has.
     """
 
     outputs: tuple[str, ...]
     names: tuple[str, ...]
     functions: Functions = field(default_factory=dict)
+    whole: bool = True
 
     @property
     def every(self) -> tuple[str, ...]:
@@ -110,7 +113,8 @@ def chosen(
             raise ClosureError(known_names(str(part), f"measure of {mechanism.name!r}", table))
         else:
             names.append(part)
-    return Choice(outputs, tuple(name for name in table if name in names), functions)
+    kept = tuple(name for name in table if name in names)
+    return Choice(outputs, kept, functions, whole=kept == table)
 
 
 def _check(name: str, function: object, taken: tuple[str, ...]) -> None:

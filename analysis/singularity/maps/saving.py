@@ -18,6 +18,7 @@ from closedchain.analysis.singularity.maps.journal import OnDisk
 from closedchain.analysis.singularity.maps.labels import array_labels, coordinate_labels, map_labels
 from closedchain.analysis.singularity.maps.spreading import Job
 from closedchain.analysis.singularity.maps.storage import Store, in_zarr
+from closedchain.analysis.singularity.measures_table import MEASURES
 from closedchain.urdf.errors import ClosureError
 
 if TYPE_CHECKING:
@@ -72,15 +73,9 @@ def opened(folder: Path) -> xr.Dataset:
     import xarray as xr
 
     found = xr.open_dataset(folder, engine="zarr", chunks=None)
-    request = found.attrs.pop(_REQUEST)
+    own = found.attrs.pop(_REQUEST)["functions"]
     del found.attrs[_COMPLETE]
-    return found[
-        [
-            name
-            for name in ("status", *request["measures"], *request["functions"], "q")
-            if name in found
-        ]
-    ]
+    return found[[name for name in ("status", *MEASURES, *own, "q") if name in found]]
 
 
 def request_of(job: Job) -> dict[str, Any]:
@@ -98,7 +93,7 @@ def request_of(job: Job) -> dict[str, Any]:
         "held": dict(grid.chart.held),
         "start": grid.start.tolist(),
         "outputs": list(job.measures.outputs),
-        "measures": list(job.measures.names),
+        "measures": "all" if job.measures.whole else list(job.measures.names),
         "functions": {name: identity(f) for name, f in job.measures.functions.items()},
         "keep_q": job.keep_q,
         "chunk": list(job.tiles.size),
