@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import overload
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -25,13 +25,14 @@ from closedchain.urdf.errors import ClosureError
 
 LIMIT_TOLERANCE = 1e-9
 ARRIVED = Ending.ARRIVED.code
+DRIVEN = "driven"
 
 
 def direct(
     mechanism: Mechanism,
     input_values: ArrayLike | Mapping[str, float],
     guess: ArrayLike | None = None,
-) -> Solution | Solutions:
+) -> Any:
     """Direct position problem: the posture with given inputs, on the assembly branch of ``guess``.
 
     The inputs move on a straight line from those of the guess; the branch is followed in
@@ -58,14 +59,13 @@ def direct(
     """
     if not mechanism.inputs:
         raise ClosureError(f"mechanism {mechanism.name!r} has no inputs (<transmission> elements)")
-    problem = driven(mechanism)
-    if np.ndim(input_values) == 2:  # type: ignore[arg-type]
+    problem = mechanism.known.get(DRIVEN) or driven(mechanism)
+    if not isinstance(input_values, Mapping) and np.ndim(input_values) == 2:
         end = mechanism.input_rows(input_values, "input values")
         return _many(problem, end, guess)
     end = mechanism.input_vector(input_values, "input values")
     start = mechanism.home if guess is None else mechanism.configuration(guess)
-    follower = follower_of(problem)
-    found = follower.alone(start, start[mechanism.input_q], end)
+    found = follower_of(problem).alone(start, start[mechanism.input_q], end)
     if _fine(found):
         return _solution(problem, found)
     system = System(mechanism, mechanism.passive_v)
@@ -84,26 +84,12 @@ def direct(
     return not_closed(system, _pinned(mechanism, found.q, end), why, found.evaluations)
 
 
-@overload
-def inverse(
-    mechanism: Mechanism,
-    pose: pin.SE3,
-    guess: ArrayLike | None = None,
-    outputs: str | tuple[str, ...] | list[str] | None = None,
-) -> Solution: ...
-@overload
-def inverse(
-    mechanism: Mechanism,
-    pose: Sequence[pin.SE3] | np.ndarray,
-    guess: ArrayLike | None = None,
-    outputs: str | tuple[str, ...] | list[str] | None = None,
-) -> Solutions: ...
 def inverse(
     mechanism: Mechanism,
     pose: pin.SE3 | Sequence[pin.SE3] | np.ndarray,
     guess: ArrayLike | None = None,
     outputs: str | tuple[str, ...] | list[str] | None = None,
-) -> Solution | Solutions:
+) -> Any:
     """Inverse position problem: a posture with the tip at ``pose``, on the branch of ``guess``.
 
     The tip moves from its pose at the guess: its origin on a straight line, its rotation about a
@@ -156,7 +142,9 @@ def inverse(
 
 def driven(mechanism: Mechanism) -> Problem:
     """Problem with all inputs prescribed, and nothing else."""
-    return problem_of(mechanism, mechanism.input_v)
+    pinned = tuple(int(v) for v in mechanism.input_v)
+    found: Problem = mechanism.known.setdefault(DRIVEN, problem_of(mechanism, pinned))
+    return found
 
 
 def _fine(found: Single) -> bool:

@@ -12,7 +12,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
-from weakref import WeakKeyDictionary
 
 import numpy as np
 import pinocchio as pin
@@ -324,9 +323,7 @@ class Follower:
         state[2 * nq : 2 * nq + len(STATE)] = FRESH[:, None]
         numbers = _parameters(begin, end, smallest)
         for a in range(0, n, CHUNK):
-            state[:, a : a + CHUNK] = self.ended(
-                state[:, a : a + CHUNK], numbers[:, a : a + CHUNK]
-            )
+            state[:, a : a + CHUNK] = self.ended(state[:, a : a + CHUNK], numbers[:, a : a + CHUNK])
         rest = dict(zip(STATE, state[2 * nq :], strict=False))
         return Way(
             q=np.ascontiguousarray(state[:nq].T),
@@ -356,29 +353,25 @@ class Follower:
     def alone(self, q: np.ndarray, begin: np.ndarray | None, end: np.ndarray) -> Single:
         """The same for one posture (nq,), checked; from where it is where ``begin`` is None."""
         s = self._scratch
-        nq, size = q.size, end.size
         if begin is None:
-            s.into[:nq, 0] = q
+            s.q[:] = q
             s.place()
         else:
-            s.parameters[:size, 0] = begin
-        s.parameters[size : 2 * size, 0] = end
-        s.state[:nq, 0] = s.state[nq : 2 * nq, 0] = q
-        s.state[2 * nq :] = s.fresh
-        status = 2 * nq + STATE.index("status")
+            s.begin[:] = begin
+        s.end[:] = s.target[:] = end
+        s.postures[:] = q
+        s.rest[:] = s.fresh
         while True:
             s.loop()
-            if s.state[status, 0] == ASKING:
+            reached, _, _, _, _, status, _, det, count = s.numbers.tolist()
+            if status == ASKING:
                 s.judge()
-            if s.state[status, 0] >= 0.0:
+            elif status >= 0.0:
                 break
-        s.into[:nq] = s.state[:nq]
-        s.into[nq:, 0] = end
+        s.q[:] = s.postures[0]
         s.check()
-        numbers = s.state[2 * nq : 2 * nq + len(STATE), 0].tolist()
-        reached, _, _, _, _, code, _, det, count = numbers
-        found = s.state[:nq, 0].copy()
-        return Single(found, reached, int(code), det, int(count), *s.out[:, 0].tolist())
+        found = s.postures[0].copy()
+        return Single(found, reached, int(status), det, int(count), *s.out.tolist())
 
     @property
     def _scratch(self) -> Scratch:
@@ -395,12 +388,20 @@ class Follower:
 
 
 class Scratch(NamedTuple):
-    """Memory of a thread for single postures, overwritten by every call, and calls bound to it."""
+    """Memory of a thread for single postures, overwritten by every call, and calls bound to it.
 
-    state: np.ndarray
+    ``postures`` (2, nq) are the good one and the trial, ``rest`` what follows them in the state,
+    ``numbers`` its first part, named ``STATE``; ``q`` and ``target`` are what is checked.
+    """
+
+    postures: np.ndarray
+    rest: np.ndarray
     fresh: np.ndarray
-    parameters: np.ndarray
-    into: np.ndarray
+    numbers: np.ndarray
+    begin: np.ndarray
+    end: np.ndarray
+    q: np.ndarray
+    target: np.ndarray
     out: np.ndarray
     loop: Callable[[], None]
     judge: Callable[[], None]
@@ -414,18 +415,21 @@ class Scratch(NamedTuple):
         size = problem.prescribed
         state, parameters = np.zeros((follower.states, 1)), np.zeros((2 * size + 1, 1))
         parameters[-1] = SMALLEST
-        fresh = np.concatenate([FRESH, np.zeros(2 * follower.memory)])[:, None]
         into, out = np.zeros((nq + size, 1)), np.zeros((4, 1))
         return cls(
-            state,
-            fresh,
-            parameters,
-            into,
-            out,
-            follower.loop.bound(state, parameters, TICKS),
-            _late(lambda: follower.judging.bound(state, parameters, 1)),
-            follower.place.bound(into[:nq], parameters[:size]),
-            follower.check.bound(into, out),
+            postures=state[: 2 * nq, 0].reshape(2, nq),
+            rest=state[2 * nq :, 0],
+            fresh=np.concatenate([FRESH, np.zeros(2 * follower.memory)]),
+            numbers=state[2 * nq : 2 * nq + len(STATE), 0],
+            begin=parameters[:size, 0],
+            end=parameters[size : 2 * size, 0],
+            q=into[:nq, 0],
+            target=into[nq:, 0],
+            out=out[:, 0],
+            loop=follower.loop.bound(state, parameters, TICKS),
+            judge=_late(lambda: follower.judging.bound(state, parameters, 1)),
+            place=follower.place.bound(into[:nq], parameters[:size]),
+            check=follower.check.bound(into, out),
         )
 
 
@@ -441,14 +445,11 @@ def _late(made: Callable[[], Callable[[], None]]) -> Callable[[], None]:
     return call
 
 
-_FOLLOWERS: WeakKeyDictionary[Problem, Follower] = WeakKeyDictionary()
-
-
 def follower_of(problem: Problem) -> Follower:
     """Machine code of a problem, made once."""
-    if problem not in _FOLLOWERS:
-        _FOLLOWERS.setdefault(problem, Follower(problem))
-    return _FOLLOWERS[problem]
+    known = problem.mechanism.known
+    found: Follower | None = known.get(problem)
+    return found or known.setdefault(problem, Follower(problem))
 
 
 def _parameters(begin: np.ndarray, end: np.ndarray, smallest: float) -> np.ndarray:

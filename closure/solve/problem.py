@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
-from weakref import WeakKeyDictionary
 
 import numpy as np
 import pinocchio as pin
@@ -184,9 +183,6 @@ class Problem:
         return _known(self.mechanism, (self.pinned, self.goals, rows))
 
 
-_PROBLEMS: WeakKeyDictionary[Mechanism, dict[object, Problem]] = WeakKeyDictionary()
-
-
 def problem_of(
     mechanism: Mechanism,
     pinned: Sequence[int] = (),
@@ -198,8 +194,7 @@ def problem_of(
 
 
 def _known(mechanism: Mechanism, key: tuple[Any, Any, tuple[int, ...] | None]) -> Problem:
-    known = _PROBLEMS.setdefault(mechanism, {})
-    return known.setdefault(key, Problem(mechanism, *key))
+    return mechanism.known.setdefault(key, Problem(mechanism, *key))
 
 
 def flat_poses(poses: Sequence[pin.SE3]) -> np.ndarray:

@@ -118,7 +118,8 @@ def loaded(code: bytes) -> Loaded:
 
     with LOCK:
         generator = machine(LEVEL)
-        empty = llvm.parse_assembly("", llvm.create_context())
+        # in the global context: one of its own could be collected before the engine is
+        empty = llvm.parse_assembly("")
         image = llvm.ObjectFileRef.from_data(code)
         engine = llvm.create_mcjit_compiler(empty, generator)
         engine.add_object_file(image)
