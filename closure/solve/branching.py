@@ -15,10 +15,11 @@ import numpy as np
 
 from closedchain.closure.solve.events import Seen, least, zero
 from closedchain.closure.solve.solution_set import SOLVED, SmoothEquations, settle
-from closedchain.closure.solve.stepping import across, at
+from closedchain.closure.solve.stepping import Here, across, at
 
 CROSSING = 1e-4  # of the usual smallest singular value: below it, two branches cross
 CLOSE = 1e-3  # of that: near enough
+BESIDE = 0.05  # of a step: from a branch point to regular points beside it
 DIP = 0.3  # of the usual smallest singular value: where one lower than this is looked at
 USUAL = 30  # points over which that is the median
 RAYS = 48  # directions that are looked at; curves closer than two of them are taken for one
@@ -99,7 +100,22 @@ def _within(
         return None
     search = zero if signed else least
     value, z = search(between, ends[0], ends[1], CLOSE * CROSSING * here.least)
-    return z if abs(value) < CROSSING * here.least else None
+    return _between_regular(system, here, z, h) if abs(value) < CROSSING * here.least else None
+
+
+def _between_regular(system: SmoothEquations, here: Here, z: np.ndarray, h: float) -> np.ndarray:
+    """A branch point by a cubic through regular points of its curve on both sides.
+
+    The equations are almost singular at the point itself: rounding could shift it along the other
+    curve.
+    """
+    beside = []
+    for share, weight in zip((-2.0, -1.0, 1.0, 2.0), (-1.0, 4.0, 4.0, -1.0), strict=True):
+        found = across(system, here, system.move(z, share * BESIDE * h * here.tangent), 4.0 * h)
+        if found is None:
+            return z
+        beside.append(weight / 6.0 * system.difference(z, found[0]))
+    return system.move(z, np.sum(beside, axis=0))
 
 
 def leaving(system: SmoothEquations, z: np.ndarray, radius: float) -> list[np.ndarray]:

@@ -22,7 +22,7 @@ SMALLEST = 1e-6  # dimensionless step below which the curve counts as ended
 DEPENDENT = 1e-10  # largest row of a point on the set, for rows that are not independent there
 CONTRACTION = 0.4  # of successive corrector steps
 ITERATIONS = 8
-SOUND = 100.0  # of the largest row: a longer step comes from equations that are almost singular
+ROUNDING = 1e-14  # largest row that rounding leaves: steps from smaller ones are noise
 KEPT = 4  # points for which a frame is kept
 SMALL = 1e-5  # of the largest entry: a smallest singular value that wants a closer look
 
@@ -97,8 +97,8 @@ def across(
             return (z, factors, first) if worst < SOLVED else None
         step = factors.step(np.append(values, 0.0))
         size = math.sqrt(step @ step)
-        if worst < SOLVED:  # the last step takes the rest out, but not next to a branch point
-            return (system.move(z, step) if size < SOUND * worst else z), factors, first
+        if worst < SOLVED:  # the last step takes out what is more than rounding
+            return (system.move(z, step) if worst > ROUNDING else z), factors, first
         if not size <= min(max(CONTRACTION * last, 1e-11), 0.5 * h + 1e-9):
             return None
         first, last = (size, size) if count == 0 else (first, size)
