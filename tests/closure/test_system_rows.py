@@ -86,7 +86,7 @@ def test_rows_of_the_robots(robot: str, tol: Tolerances) -> None:
 @pytest.mark.parametrize("kind", KINDS)
 def test_rows_of_every_closure_kind(kind: str, tol: Tolerances) -> None:
     m = loose(kind)
-    postures = np.vstack([m.home[None], anywhere(m, 100)])
+    postures = np.vstack([m.home[None], anywhere(m, 300)])
     if kind == "fixed":  # infinite at half a turn
         angles = np.array(
             [2.0 * math.atan(np.linalg.norm(weld(m, q)[0][3:]) / 2.0) for q in postures]
