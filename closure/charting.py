@@ -10,10 +10,11 @@ from numpy.typing import ArrayLike
 from closedchain.closure.chart import TILTS, Chart, joint_names
 from closedchain.closure.continuation import At as Path
 from closedchain.closure.continuation import follow
-from closedchain.closure.equations import Equations, correct
+from closedchain.closure.equations import Rows, correct
 from closedchain.closure.mechanism import Mechanism
 from closedchain.closure.position import direct
 from closedchain.closure.ranks import numerical_rank
+from closedchain.closure.solve.system import System
 from closedchain.urdf.description import OUTPUTS
 from closedchain.urdf.errors import ClosureError, known_names
 
@@ -127,7 +128,7 @@ def _closed(mechanism: Mechanism, q: ArrayLike) -> np.ndarray:
             "(cc.close, cc.direct or cc.inverse)"
         )
     # to the last digit, inputs held where that is possible
-    closed = correct(Equations(mechanism, np.arange(mechanism.model.nv)), q)
+    closed = correct(System(mechanism, np.arange(mechanism.model.nv)), q)
     return q if closed.refusal is not None else closed.q
 
 
@@ -146,7 +147,7 @@ def _filled(
         matrix = chart.equations(chart.values(start)).evaluate(start)[1]
         return numerical_rank(matrix).value + len(joints)
 
-    closures = Equations(mechanism, np.arange(mechanism.model.nv))
+    closures = System(mechanism, np.arange(mechanism.model.nv))
     freedoms = mechanism.model.nv - numerical_rank(closures.evaluate(start)[1]).value
     joints = asked
     if len(joints) + len(task) > freedoms:
@@ -216,7 +217,7 @@ def _moved(chart: Chart, given: Mapping[str, float]) -> Chart:
 def straight(chart: Chart, begin: np.ndarray, target: np.ndarray) -> Path:
     """Path of ``continuation.follow`` along a straight line of coordinates."""
 
-    def at(q: np.ndarray, t: float) -> tuple[Equations, np.ndarray]:
+    def at(q: np.ndarray, t: float) -> tuple[Rows, np.ndarray]:
         values = target if t == 1.0 else begin + t * (target - begin)
         return chart.equations(values), chart.pinned(q, values)
 

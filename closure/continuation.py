@@ -11,12 +11,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from closedchain.closure.equations import Corrected, Equations, correct
+from closedchain.closure.equations import Corrected, Rows, correct
 from closedchain.closure.solve.factors import Factors, Range
 
 SMALLEST_STEP = 1e-6
 
-At = Callable[[np.ndarray, float], tuple[Equations, np.ndarray]]
+At = Callable[[np.ndarray, float], tuple[Rows, np.ndarray]]
 """From the last posture and the new path parameter: the equations and the start of Newton."""
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 import pinocchio as pin
@@ -19,6 +20,23 @@ from closedchain.closure.task import Goal, goal_rows
 
 RESIDUAL_TOLERANCE = 1e-12
 """Largest row [m or rad] of a posture that counts as closed."""
+
+
+class Rows(Protocol):
+    """Equations at postures: ``Equations``, or ``closure.solve.system.System``."""
+
+    @property
+    def row_scale(self) -> np.ndarray:
+        """Unit of each row, (rows,)."""
+
+    def evaluate(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Residual (rows,) [m, rad] and dimensionless Jacobian (rows, unknowns)."""
+
+    def residual(self, q: np.ndarray) -> np.ndarray:
+        """Residual (rows,) [m, rad] alone."""
+
+    def move(self, q: np.ndarray, step: np.ndarray) -> np.ndarray:
+        """Posture after a dimensionless step (unknowns,)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,7 +111,7 @@ ITERATIONS = 12
 
 
 def correct(
-    equations: Equations,
+    equations: Rows,
     q: np.ndarray,
     branch: int | None = None,
     chord: Factors | Range | None = None,

@@ -10,16 +10,12 @@ from dataclasses import dataclass
 from weakref import WeakKeyDictionary
 
 import numpy as np
-import pinocchio as pin
 
 from closedchain.closure.joint_rates import orthonormal_motions, physical_rates
 from closedchain.closure.mechanism import Mechanism
-from closedchain.closure.nearest import close
 from closedchain.closure.ranks import RANK_TOLERANCE, Rank, null_space, numerical_rank, rank_above
+from closedchain.closure.solve.samples import closed_samples
 from closedchain.closure.task import task_jacobian
-
-SAMPLES = 8
-SPREAD = 0.15  # dimensionless standard deviation of the guesses around home
 
 
 @dataclass(frozen=True)
@@ -90,29 +86,14 @@ class GenericRanks:
         return self.undriven > 0 and self.drives >= self.together.value
 
 
-_POSTURES: WeakKeyDictionary[Mechanism, tuple[np.ndarray, ...]] = WeakKeyDictionary()
 _FOUND: WeakKeyDictionary[Mechanism, GenericRank] = WeakKeyDictionary()
 _RANKS: WeakKeyDictionary[Mechanism, dict[tuple[str, ...], GenericRanks]] = WeakKeyDictionary()
-
-
-def generic_postures(mechanism: Mechanism) -> tuple[np.ndarray, ...]:
-    """Home and random closed postures (nq,) near it, found once."""
-    if mechanism not in _POSTURES:
-        rng = np.random.default_rng(0)
-        found = [mechanism.home]
-        for _ in range(SAMPLES):
-            v = SPREAD * rng.standard_normal(mechanism.model.nv) * mechanism.column_scale
-            near = close(mechanism, guess=pin.integrate(mechanism.model, mechanism.home, v))
-            if near.converged:
-                found.append(near.q)
-        _POSTURES[mechanism] = tuple(found)
-    return _POSTURES[mechanism]
 
 
 def sampled_rank(mechanism: Mechanism) -> GenericRank:
     """Generic rank of a mechanism's closures, found once."""
     if mechanism not in _FOUND:
-        jacobians = [dimensionless_jacobian(mechanism, q) for q in generic_postures(mechanism)]
+        jacobians = [dimensionless_jacobian(mechanism, q) for q in closed_samples(mechanism)]
         ranks = [numerical_rank(jacobian) for jacobian in jacobians]
         _FOUND[mechanism] = GenericRank(_largest(ranks), ranks[0].value, len(ranks))
     return _FOUND[mechanism]
@@ -149,7 +130,7 @@ def dimensionless_task(mechanism: Mechanism, q: np.ndarray, outputs: tuple[str, 
 def _ranks(mechanism: Mechanism, outputs: tuple[str, ...]) -> GenericRanks:
     r = sampled_rank(mechanism).rank.value
     inputs, tips = [], []
-    for q in generic_postures(mechanism):
+    for q in closed_samples(mechanism):
         basis, rank = null_space(dimensionless_jacobian(mechanism, q))
         if rank.value != r:
             continue  # a constraint singularity, with motions that others do not have

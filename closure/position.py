@@ -11,8 +11,10 @@ from numpy.typing import ArrayLike
 
 from closedchain.closure.branchless import anywhere, closed_near, not_closed
 from closedchain.closure.constraints import flipped_axes
+from closedchain.closure.generic import dimensionless_jacobian, generic_ranks
 from closedchain.closure.mechanism import Mechanism
 from closedchain.closure.nearest import beyond_limits, limit_note
+from closedchain.closure.ranks import null_space, numerical_rank
 from closedchain.closure.solution import Solution, Solutions
 from closedchain.closure.solve.control import CLOSED
 from closedchain.closure.solve.outcome import Ending
@@ -75,6 +77,9 @@ def direct(
     if found.reached < 0.0:
         held = _pinned(mechanism, start, end)
         return not_closed(system, held, "the guess has no branch: it is singular or open", 0)
+    if found.code == ARRIVED:
+        why = _contradiction(mechanism, start, end)
+        return not_closed(system, _pinned(mechanism, found.q, end), why, found.evaluations)
     here = found.q[mechanism.input_q]
     where = ", ".join(f"{n}={x:.6g}" for n, x in zip(mechanism.inputs, here, strict=True))
     why = (
@@ -191,6 +196,8 @@ def _solution(problem: Problem, found: Single) -> Solution:
     mechanism = problem.mechanism
     beyond = beyond_limits(mechanism, found.q) if found.beyond < -LIMIT_TOLERANCE else ()
     message = f"closed to {found.residual:.1e} on the branch of the guess{limit_note(beyond)}"
+    if not problem.square and not problem.goals:
+        message += _undriven(problem)
     ending = Ending.ARRIVED
     if found.sense < 0.0:
         flipped = ", ".join(flipped_axes(mechanism, found.q))
@@ -206,6 +213,40 @@ def _solution(problem: Problem, found: Single) -> Solution:
         ending=ending,
         jacobian=problem.jacobian_at,
     )
+
+
+def _undriven(problem: Problem) -> str:
+    """Sentence on freedoms that the inputs leave, idle ones apart; empty where there are none."""
+    m = problem.mechanism
+    outputs = () if m.task is None else m.task.outputs
+    ranks = generic_ranks(m, outputs)
+    k = ranks.undriven if outputs else ranks.motions - ranks.inputs.value
+    if not k:
+        return ""
+    what = "freedom is" if k == 1 else "freedoms are"
+    return f"; {k} {what} not driven: the posture is one of many with these inputs"
+
+
+def _contradiction(mechanism: Mechanism, start: np.ndarray, end: np.ndarray) -> str:
+    """Sentence on inputs that the loops tie to each other, and what the last ones would have to be.
+
+    The kept rows have a solution on the way from ``start``, the others do not vanish there.
+    """
+    motions, _ = null_space(dimensionless_jacobian(mechanism, start))
+    free: list[int] = []
+    for i, v in enumerate(mechanism.input_v):
+        if numerical_rank(motions[[*mechanism.input_v[free], v]]).value > len(free):
+            free.append(i)
+    problem = problem_of(mechanism, [int(v) for v in mechanism.input_v[free]])
+    found = follower_of(problem).alone(start, start[problem.pinned_q], end[free])
+    tied = [i for i in range(end.size) if i not in free]
+    if not _good(found) or not tied:
+        return "the inputs contradict the loops"
+    needed = found.q[mechanism.input_q]
+    names = mechanism.inputs
+    wanted = ", ".join(f"{names[i]} would have to be {needed[i]:.6g}" for i in tied)
+    given = ", ".join(f"{names[i]}={end[i]:.6g}" for i in free)
+    return f"the inputs contradict each other: {wanted} with {given} as given"
 
 
 def _side(problem: Problem, det: float) -> int | None:

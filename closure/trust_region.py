@@ -7,28 +7,13 @@ directions, and ends at a solution or at the closest posture it can find.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
-from closedchain.closure.equations import RESIDUAL_TOLERANCE
+from closedchain.closure.equations import RESIDUAL_TOLERANCE, Rows
 from closedchain.closure.ranks import RANK_TOLERANCE
 
 OPEN = 1e-16  # squared scaled residual below which a posture may still be closing
-
-
-class Rows(Protocol):
-    """Equations at postures, as ``closure.solve.system.System``."""
-
-    @property
-    def row_scale(self) -> np.ndarray:
-        """Unit of each row, (rows,)."""
-
-    def evaluate(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Residual (rows,) [m, rad] and dimensionless Jacobian (rows, unknowns)."""
-
-    def move(self, q: np.ndarray, step: np.ndarray) -> np.ndarray:
-        """Posture after a dimensionless step (unknowns,)."""
 
 
 @dataclass(frozen=True)

@@ -3,8 +3,8 @@
 Everything is an expression in the numbers of q, in dimensionless lengths (divided by
 ``mechanism.length``). Motions are coordinates of the tangent: rates of hinges [rad] and slides
 [lengths], and for a floating joint the velocity of its origin and its angular velocity, both along
-the axes of the frame that it floats in. Pinocchio's v has the body's own axes there: ``own`` turns a
-row of a Jacobian into those. That changes no determinant and no singular value, and most entries
+the axes of the frame that it floats in. Pinocchio's v has the body's own axes there: ``own`` turns
+a row of a Jacobian into those. That changes no determinant and no singular value, and most entries
 of the Jacobian vanish with it.
 
 Rows that hold a point (three slides) are written along the world's axes, for the same reasons.
@@ -198,7 +198,7 @@ class Kinematics:
     def relative(self, first: int, second: int, place: Vector) -> dict[int, tuple[Vector, Vector]]:
         """Velocity at ``place`` and angular velocity of body 2 against body 1, for each motion."""
         zero = [self.graph.constant(0.0)] * 3
-        found = {}
+        found: dict[int, tuple[Vector, Vector]] = {}
         for joint, sign in self.path(first, second):
             for v in self.tangent(joint):
                 screw = self.screw(v)

@@ -15,7 +15,8 @@ from stewart import stewart
 
 import closedchain as cc
 from closedchain.analysis.singularity.maps.measures import measures_at
-from closedchain.closure.generic import generic_postures, generic_ranks
+from closedchain.closure.generic import generic_ranks
+from closedchain.closure.solve.samples import closed_samples
 from closedchain.closure.joint_rates import physical_rates
 from closedchain.closure.loading import mechanism_from_description
 from closedchain.urdf import description as written
@@ -73,7 +74,7 @@ def _flatness(m: cc.Mechanism, q: np.ndarray) -> float:
 @pytest.mark.parametrize("name", SMALL)
 def test_no_cut_changes_anything(name: str) -> None:
     m = SMALL[name]()
-    postures = generic_postures(m)[:POSTURES]
+    postures = closed_samples(m)[:POSTURES]
     for seed, cut in enumerate(every_cut(m)):
         assert_same(recut(m, cut, seed), list(postures))
 
@@ -81,7 +82,7 @@ def test_no_cut_changes_anything(name: str) -> None:
 @pytest.mark.slow
 def test_no_cut_of_a_stewart_platform_changes_anything() -> None:
     m = stewart()
-    postures = generic_postures(m)[:2]
+    postures = closed_samples(m)[:2]
     for seed, cut in enumerate([*every_cut(m)][::5]):
         assert_same(recut(m, cut, seed), list(postures))
 
@@ -90,7 +91,7 @@ def test_no_cut_of_a_stewart_platform_changes_anything() -> None:
 @pytest.mark.parametrize("robot", cc.robots())
 def test_no_cut_of_a_robot_changes_anything(robot: str) -> None:
     m = cc.load(robot)
-    postures = generic_postures(m)[:POSTURES]
+    postures = closed_samples(m)[:POSTURES]
     cuts = [*every_cut(m)][:-1]
     for seed, cut in enumerate(cuts[:: max(1, len(cuts) // 3)]):
         assert_same(recut(m, cut, seed), list(postures))
@@ -121,7 +122,7 @@ def test_at_singular_postures_too() -> None:
 @pytest.mark.parametrize("robot", ["linear_delta", "eclipse"])
 def test_order_and_names_of_joints_and_closures_change_nothing(robot: str) -> None:
     m = cc.load(robot)
-    postures = list(generic_postures(m)[:2])
+    postures = list(closed_samples(m)[:2])
     names = {c.name for c in m.closures}
     for seed in range(3):
         new = recut(m, (), seed, prefix=f"n{seed}_")
@@ -132,7 +133,7 @@ def test_order_and_names_of_joints_and_closures_change_nothing(robot: str) -> No
 def test_turning_the_robot_in_the_world_changes_nothing() -> None:
     turn = pin.SE3(pin.rpy.rpyToMatrix(0.7, -1.1, 2.0), np.array([0.3, -0.2, 0.5]))
     for m in (cc.load("eclipse"), cc.load("linear_delta"), linkages.spatial_four_bar(True)):
-        assert_same(recut(m, (), 0, turn=turn), list(generic_postures(m)[:2]))
+        assert_same(recut(m, (), 0, turn=turn), list(closed_samples(m)[:2]))
 
 
 def test_repeated_closures_change_nothing() -> None:
@@ -144,7 +145,7 @@ def test_repeated_closures_change_nothing() -> None:
     welded = mechanism_from_description(replace(once, closures=(cut, _weld(m))))
     assert twice.rows == 2 * m.rows
     assert welded.rows == m.rows + 6
-    for q in generic_postures(m)[:POSTURES]:
+    for q in closed_samples(m)[:POSTURES]:
         one, two = cc.classify(m, q), cc.classify(welded, q)
         assert_close(two.sigma_direct, one.sigma_direct, SAME)
         assert_close(two.sigma_inverse, one.sigma_inverse, SAME)
@@ -206,7 +207,7 @@ def test_a_rod_is_what_remains_of_a_body_between_two_balls() -> None:
     )
     assert cc.mobility(body).idle == 1
     assert cc.mobility(bare).idle == 0
-    for q in generic_postures(body)[:POSTURES]:
+    for q in closed_samples(body)[:POSTURES]:
         values = [
             q[body.model.joints[body.model.getJointId(n)].idx_q] for n in list(bare.model.names)[1:]
         ]
