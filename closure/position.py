@@ -172,7 +172,7 @@ def _again(
             return found, start
         start = closed
         found = follower.alone(start, None, end)
-    if problem.redundant and not _good(found) and found.reached >= 0.0:
+    if found.code != ARRIVED and found.reached >= 0.0:
         place = follower.place.run(start[:, None]).T
         way = follow(problem, start[None], place, end[None])
         found = _checked(follower, way, end)

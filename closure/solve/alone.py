@@ -14,9 +14,11 @@ from closedchain.closure.equations import correct
 from closedchain.closure.solve.control import LONGEST, MOST
 from closedchain.closure.solve.problem import POSE, Problem
 from closedchain.closure.solve.system import System
-from closedchain.closure.solve.ways import HEALTHY
 from closedchain.closure.task import goal
 from closedchain.urdf.description import OUTPUTS
+
+HEALTHY = 1e-2
+"""Share of the largest singular value at which a Jacobian is well away from losing rank."""
 
 
 def healthy(problem: Problem, q: np.ndarray) -> bool:

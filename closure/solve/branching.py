@@ -19,7 +19,8 @@ from closedchain.closure.solve.stepping import Here, across, at
 
 CROSSING = 1e-4  # of the usual smallest singular value: below it, two branches cross
 CLOSE = 1e-3  # of that: near enough
-BESIDE = 0.05  # of a step: from a branch point to regular points beside it
+BESIDE = 0.01  # of a step: from a branch point to regular points beside it
+BLUNT = 1e-4  # of the largest singular value: smaller ones are not divided by at a branch point
 DIP = 0.3  # of the usual smallest singular value: where one lower than this is looked at
 USUAL = 30  # points over which that is the median
 RAYS = 48  # directions that are looked at; curves closer than two of them are taken for one
@@ -107,7 +108,7 @@ def _between_regular(system: SmoothEquations, here: Here, z: np.ndarray, h: floa
     """A branch point by a cubic through regular points of its curve on both sides.
 
     The equations are almost singular at the point itself: rounding could shift it along the other
-    curve.
+    curve. Only those that are not are solved there.
     """
     beside = []
     for share, weight in zip((-2.0, -1.0, 1.0, 2.0), (-1.0, 4.0, 4.0, -1.0), strict=True):
@@ -115,7 +116,9 @@ def _between_regular(system: SmoothEquations, here: Here, z: np.ndarray, h: floa
         if found is None:
             return z
         beside.append(weight / 6.0 * system.difference(z, found[0]))
-    return system.move(z, np.sum(beside, axis=0))
+    z = system.move(z, np.sum(beside, axis=0))
+    values, jacobian = system.evaluate(z, here.frame)
+    return system.move(z, -np.linalg.lstsq(jacobian, values, rcond=BLUNT)[0])
 
 
 def leaving(system: SmoothEquations, z: np.ndarray, radius: float) -> list[np.ndarray]:

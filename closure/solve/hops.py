@@ -12,7 +12,6 @@ from functools import cached_property
 
 import numpy as np
 
-from closedchain.closure.solve.alone import follow_alone, healthy
 from closedchain.closure.solve.control import FRESH, LONGEST, MOST, STATE
 from closedchain.closure.solve.outcome import Ending
 from closedchain.closure.solve.path import Follower, Way, follower_of
@@ -118,14 +117,7 @@ class Hops:
             np.ascontiguousarray(x.T)
             for x in (self.targets[:, begin], self.targets[:, end], self.q[:, begin])
         )
-        way = follow(self.problem, q, one, two, SMALLEST_STEP)
-        for i in np.flatnonzero(way.codes != ARRIVED):
-            if healthy(self.problem, way.q[i]):
-                last, reached = follow_alone(self.problem, q[i], one[i], two[i], SMALLEST_STEP)
-                if reached > way.reached[i]:
-                    way.q[i], way.reached[i] = last, reached
-                    way.codes[i] = ARRIVED if reached == 1.0 else way.codes[i]
-        return way
+        return follow(self.problem, q, one, two, SMALLEST_STEP)
 
     def _followed(self, state: np.ndarray, numbers: np.ndarray) -> Hop:
         """Follow until every way has ended."""

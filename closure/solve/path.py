@@ -60,23 +60,6 @@ class Way:
     evaluations: np.ndarray
     started: np.ndarray
 
-    def continued(self, where: np.ndarray, on: Way) -> Way:
-        """The same ways, those at indices ``where`` with the rest of them followed."""
-        reached = self.reached[where] + (1.0 - self.reached[where]) * on.reached
-        new = {
-            "q": np.where(on.started[:, None], on.q, self.q[where]),
-            "reached": np.where(on.started, reached, self.reached[where]),
-            "codes": np.where(on.started, on.codes, self.codes[where]),
-            "det": np.where(on.started, on.det, self.det[where]),
-            "evaluations": self.evaluations[where] + on.evaluations,
-        }
-        found = {}
-        for name, values in new.items():
-            whole = getattr(self, name).copy()
-            whole[where] = values
-            found[name] = whole
-        return Way(**found, started=self.started)
-
 
 class Single(NamedTuple):
     """Where one way ended: as ``Way``, and what ``Follower.check`` tells of the posture."""

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -43,14 +42,11 @@ class Problem:
         Tangent coordinates of the joints with prescribed values, one-freedom joints only.
     goals : tuple of (frame, components)
         Frames with a wanted pose, and which of its components 0 to 5 for x y z rx ry rz count.
-    chosen : tuple of int, optional
-        Independent rows to keep; those that suit the samples by default.
     """
 
     mechanism: Mechanism
     pinned: tuple[int, ...] = ()
     goals: tuple[tuple[str, tuple[int, ...]], ...] = ()
-    chosen: tuple[int, ...] | None = None
 
     @cached_property
     def free(self) -> tuple[int, ...]:
@@ -133,8 +129,6 @@ class Problem:
         The others vanish where these do, near the samples; solvers check them, they do not solve
         them.
         """
-        if self.chosen is not None:
-            return self.chosen
         matrices = self.sampled_jacobians[self._regular]
         rows = matrices.shape[1]
         if 0 in matrices.shape:
@@ -178,10 +172,6 @@ class Problem:
         """Whether there are rows beside the kept ones."""
         return len(self.kept) < self.units.size
 
-    def keeping(self, rows: tuple[int, ...]) -> Problem:
-        """The same problem with other rows kept; made once."""
-        return _known(self.mechanism, (self.pinned, self.goals, rows))
-
 
 def problem_of(
     mechanism: Mechanism,
@@ -190,11 +180,9 @@ def problem_of(
 ) -> Problem:
     """Problem with these pins and goals (outputs by name), made once for each mechanism."""
     wanted = tuple((frame, tuple(OUTPUTS.index(n) for n in names)) for frame, names in goals)
-    return _known(mechanism, (tuple(int(v) for v in pinned), wanted, None))
-
-
-def _known(mechanism: Mechanism, key: tuple[Any, Any, tuple[int, ...] | None]) -> Problem:
-    return mechanism.known.setdefault(key, Problem(mechanism, *key))
+    key = (tuple(int(v) for v in pinned), wanted)
+    found: Problem = mechanism.known.setdefault(key, Problem(mechanism, *key))
+    return found
 
 
 def flat_poses(poses: Sequence[pin.SE3]) -> np.ndarray:
