@@ -117,7 +117,10 @@ def _between_regular(system: SmoothEquations, here: Here, z: np.ndarray, h: floa
             return z
         beside.append(weight / 6.0 * system.difference(z, found[0]))
     z = system.move(z, np.sum(beside, axis=0))
-    values, jacobian = system.evaluate(z, here.frame)
+    try:
+        values, jacobian = system.evaluate(z, here.frame)
+    except np.linalg.LinAlgError:
+        return z
     return system.move(z, -np.linalg.lstsq(jacobian, values, rcond=BLUNT)[0])
 
 
