@@ -1,9 +1,12 @@
 """The examples of README and docs/ run: every robot loads, every Python block is executed."""
 
 import re
+from dataclasses import asdict
+from importlib import import_module
 from pathlib import Path
 
 import pytest
+from conftest import Tolerances
 from typer.testing import CliRunner
 
 import closedchain as cc
@@ -12,7 +15,8 @@ from closedchain.cli import app
 ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / "docs"
 PAGES = {str(path.relative_to(DOCS)): path for path in sorted(DOCS.rglob("*.md"))}
-PAGES["README.md"] = ROOT / "README.md"
+PAGES |= {name: ROOT / name for name in ("README.md", "CONTRIBUTING.md", "CHANGELOG.md")}
+FOLDERS = ("urdf", "closure", "robots", "analysis", "tests", "benchmarks", "docs", "src")
 
 
 def blocks(page: Path, language: str) -> list[str]:
@@ -48,6 +52,52 @@ def test_links_between_pages_lead_somewhere(page: str) -> None:
             titles = re.findall(r"^#+ (.*)$", linked.read_text(), re.M)
             slugs = {re.sub(r"[^\w\- ]", "", t.lower()).replace(" ", "-") for t in titles}
             assert anchor in slugs, target
+
+
+def there(name: str) -> bool:
+    """Whether a dotted name is a module, or something in one."""
+    parts = name.split(".")
+    for k in range(len(parts), 0, -1):
+        try:
+            found: object = import_module(".".join(parts[:k]))
+        except ModuleNotFoundError:
+            continue
+        for part in parts[k:]:
+            found = getattr(found, part, None)
+        return found is not None
+    return False
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_what_a_page_names_is_there(page: str) -> None:
+    """Modules and what is in them by dotted name, files and folders by their path."""
+    text = PAGES[page].read_text()
+    for name in set(re.findall(r"`(closedchain(?:\.\w+)+)", text)):
+        assert there(name), name
+    for path in set(re.findall(rf"`((?:{'|'.join(FOLDERS)})/[\w./-]*)`", text)):
+        assert (ROOT / path).exists(), path
+
+
+def bare(text: str) -> str:
+    """Lines without their indentation, for comparing."""
+    return "\n".join(line.strip() for line in text.strip().splitlines())
+
+
+def test_contributing_quotes_the_repository() -> None:
+    """Fragments marked ``py`` and ``xml`` are word for word in a file that the page names."""
+    page = PAGES["CONTRIBUTING.md"]
+    named = {ROOT / path for path in re.findall(r"`([\w/.-]+\.(?:py|xacro))`", page.read_text())}
+    sources = [bare(path.read_text()) for path in named if path.is_file()]
+    quotes = blocks(page, "py") + blocks(page, "xml")
+    assert len(quotes) >= 5
+    for quote in quotes:
+        assert any(bare(quote) in source for source in sources), quote
+
+
+def test_the_table_of_tolerances_is_the_one_in_force() -> None:
+    text = PAGES["CONTRIBUTING.md"].read_text()
+    table = re.findall(r"^\| `(\w+)` \| (\S+) \| .* \|$", text, re.M)
+    assert {name: float(value) for name, value in table} == asdict(Tolerances())
 
 
 def test_there_are_examples() -> None:
