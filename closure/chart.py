@@ -130,7 +130,7 @@ class Chart:
         def column(name: str, default: float = 0.0) -> np.ndarray:
             return np.broadcast_to(everything.get(name, default), len(values))
 
-        home = self._home_pose
+        home = self.home_pose
         places = np.stack([column(n, home.translation[i]) for i, n in enumerate("xyz")], axis=1)
         if self.tilting:
             turns = self._tilts(*(column(name) for name in TILTS))
@@ -165,7 +165,7 @@ class Chart:
         return held, varying, [self.names.index(self.joints[i]) for i in varying]
 
     def _tilts(self, tilt: np.ndarray, azimuth: np.ndarray, torsion: np.ndarray) -> np.ndarray:
-        first, second, tool = self._tip_axes
+        first, second, tool = self.tip_axes
         lean = np.cos(azimuth)[:, None] * first + np.sin(azimuth)[:, None] * second
         turned = rotations(torsion[:, None] * tool)
         return rotations(tilt[:, None] * np.cross(tool, lean)) @ turned
@@ -185,7 +185,7 @@ class Chart:
         poses = [self.mechanism.pose(one) for one in flat]
         places = np.array([pose.translation for pose in poses]).reshape(*q.shape[:-1], 3)
         found |= {n: places[..., i] for i, n in enumerate("xyz") if n in self.outputs}
-        turns = [self._home_pose.rotation.T @ pose.rotation for pose in poses]
+        turns = [self.home_pose.rotation.T @ pose.rotation for pose in poses]
         angles = np.array([self._angles(turn) for turn in turns]).reshape(*q.shape[:-1], 3)
         names = TILTS if self.tilting else OUTPUTS[3:]
         kept = self.tip_rotations
@@ -202,7 +202,7 @@ class Chart:
         angular = [OUTPUTS.index(n) - 3 for n in self.outputs if n in OUTPUTS[3:]]
         if len(angular) != 2 and not self.tilting:
             return np.asarray(pin.log3(turn))
-        first, second, tool = self._tip_axes
+        first, second, tool = self.tip_axes
         axis = turn @ tool
         sideways = np.array([axis @ first, axis @ second])
         tilt = float(np.arctan2(np.linalg.norm(sideways), axis @ tool))
@@ -215,13 +215,14 @@ class Chart:
         return tilt * np.cross(tool, lean)
 
     @cached_property
-    def _home_pose(self) -> pin.SE3:
+    def home_pose(self) -> pin.SE3:
+        """Pose of the tip at home, from which rotations count; the identity without outputs."""
         if not self.outputs:
             return pin.SE3.Identity()
         return self.mechanism.pose(self.mechanism.home)
 
     @cached_property
-    def _tip_axes(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def tip_axes(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """In tip axes: that from which azimuth counts, the next one, and the tool axis."""
         angular = [OUTPUTS.index(n) - 3 for n in self.outputs if n in OUTPUTS[3:]]
         k = ({0, 1, 2} - set(angular)).pop() if len(angular) == 2 else 2

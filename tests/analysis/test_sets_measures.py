@@ -9,7 +9,7 @@ import pytest
 import closedchain as cc
 from closedchain.analysis.singularity.classify import row_combination
 from closedchain.analysis.singularity.sets.bordered import Measure, corner
-from closedchain.analysis.singularity.sets.postures_at import kinematics
+from closedchain.analysis.singularity.sets.postures_at import first_order_code
 from closedchain.analysis.singularity.sets.slices import Slice
 from closedchain.closure.charting import chart_of
 
@@ -47,16 +47,17 @@ def test_gradients_of_measures(robot: str, kind: str) -> None:
     m = cc.load(robot)
     outputs = m.outputs("x y z rx rz" if kind == "axis" and robot != "rpa3t" else None)
     measure = Measure(m, "inverse" if kind == "axis" else kind, outputs)
-    at = kinematics(m, nearby(m, 1), tip=True)
+    code = first_order_code(m, outputs)
+    at = code.at(nearby(m, 1))
     combine = row_combination(m, at.closures)
     borders = measure.borders(at, combine)
     rng = np.random.default_rng(2)
     q = pin.integrate(m.model, m.home, 0.05 * rng.standard_normal(m.model.nv) * m.column_scale)
 
     def value(x: np.ndarray) -> np.ndarray:
-        return measure.evaluate(x, kinematics(m, x, tip=True), combine, borders)[0]
+        return measure.evaluate(x, code.at(x), combine, borders)[0]
 
-    g, gradient = measure.evaluate(q, kinematics(m, q, tip=True), combine, borders)
+    g, gradient = measure.evaluate(q, code.at(q), combine, borders)
     assert g.size == measure.codimension == abs(np.subtract(*measure.shape)) + 1
     for i in range(0, m.model.nv, 2):
         e = np.zeros(m.model.nv)

@@ -24,15 +24,18 @@ from __future__ import annotations
 
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
-from closedchain.analysis.singularity.sets.postures_at import Kinematics, kinematics, moved, skew
+from closedchain.analysis.singularity.sets.postures_at import (
+    FirstOrderCode,
+    Postures,
+    first_order_code,
+)
 from closedchain.analysis.structure.mobility import generic_rank
 from closedchain.closure.mechanism import Mechanism
-from closedchain.urdf.description import OUTPUTS
-
-DIFFERENCE = 1e-5  # dimensionless step of the one central difference in a gradient
+from closedchain.closure.solve.factors import Factors
 
 Borders = tuple[np.ndarray, np.ndarray]
 """b (short side, corank) and c (long side, e + corank)."""
@@ -52,10 +55,10 @@ class Measure:
     outputs: tuple[str, ...] = ()
     corank: int = 1
 
-    @property
-    def needs_tip(self) -> bool:
-        """Whether the task's rows belong to the matrix."""
-        return self.kind == "inverse"
+    @cached_property
+    def code(self) -> FirstOrderCode:
+        """K and J of its mechanism and outputs, and their slopes."""
+        return first_order_code(self.mechanism, self.outputs)
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -75,37 +78,20 @@ class Measure:
         """The measure of a loss of so many ranks."""
         return replace(self, corank=corank)
 
-    def values(self, at: Kinematics, combine: np.ndarray) -> np.ndarray:
+    def values(self, at: Postures, combine: np.ndarray) -> np.ndarray:
         """Singular values of the matrix at a posture, falling."""
         return np.asarray(np.linalg.svd(self.matrix(at, combine), compute_uv=False))
 
-    def matrix(self, at: Kinematics, combine: np.ndarray) -> np.ndarray:
+    def matrix(self, at: Postures, combine: np.ndarray) -> np.ndarray:
         """Matrix (rows, columns) at a posture."""
         closures = combine @ at.closures
         if self.kind == "direct":
-            return closures[..., self.mechanism.passive_v]
+            return np.asarray(closures[..., self.mechanism.passive_v])
         if self.kind == "constraint":
-            return closures
-        return np.concatenate([closures, self.task_rows(at)], axis=-2)
+            return np.asarray(closures)
+        return np.concatenate([closures, at.task], axis=-2)
 
-    @property
-    def _units(self) -> np.ndarray:
-        return np.array([self.mechanism.length if n in "xyz" else 1.0 for n in self.outputs])
-
-    @property
-    def _angular(self) -> list[int]:
-        return [OUTPUTS.index(n) - 3 for n in self.outputs if n in OUTPUTS[3:]]
-
-    def task_rows(self, at: Kinematics) -> np.ndarray:
-        """J, dimensionless: one or two rotations are components along the tip's own axes."""
-        linear = [OUTPUTS.index(n) for n in self.outputs if n in "xyz"]
-        angular = at.tip[..., 3:, :]
-        if len(self._angular) != 3:
-            angular = at.attitude.swapaxes(-1, -2) @ angular
-        rows = np.concatenate([at.tip[..., linear, :], angular[..., self._angular, :]], axis=-2)
-        return np.asarray(rows * self.mechanism.column_scale / self._units[:, None])
-
-    def borders(self, at: Kinematics, combine: np.ndarray) -> Borders:
+    def borders(self, at: Postures, combine: np.ndarray) -> Borders:
         """Singular vectors of the matrix at a posture: the borders that are best nearby."""
         matrix = self.matrix(at, combine)
         if matrix.shape[-2] > matrix.shape[-1]:
@@ -115,7 +101,7 @@ class Measure:
         return u[..., first:], vt[..., first:, :].swapaxes(-1, -2)
 
     def evaluate(
-        self, q: np.ndarray, at: Kinematics, combine: np.ndarray, borders: Borders
+        self, q: np.ndarray, at: Postures, combine: np.ndarray, borders: Borders
     ) -> tuple[np.ndarray, np.ndarray]:
         """Corner g (codimension,) and its derivative (codimension, nv), dimensionless.
 
@@ -125,58 +111,30 @@ class Measure:
         matrix = self.matrix(at, combine)
         transposed = matrix.shape[-2] > matrix.shape[-1]
         g, w, v = corner(matrix.swapaxes(-1, -2) if transposed else matrix, borders)
-        gradient = []
-        for a in range(w.shape[-1]):
-            for i in range(v.shape[-1]):
-                both = (v[..., i], w[..., a]) if transposed else (w[..., a], v[..., i])
-                gradient.append(-self._derivative(q, at, combine, *both))
-        return g.reshape(*g.shape[:-2], -1), np.stack(gradient, axis=-2)
+        # one combination of rows with one of columns for each entry of g, that of w first
+        pairs = [(a, i) for a in range(w.shape[-1]) for i in range(v.shape[-1])]
+        rows = np.stack([w[..., a] for a, _ in pairs], axis=-2)
+        columns = np.stack([v[..., i] for _, i in pairs], axis=-2)
+        left, right = (columns, rows) if transposed else (rows, columns)
+        slopes = self._slopes(q, combine, left, right)
+        return g.reshape(*g.shape[:-2], -1), -slopes
 
-    def _derivative(
-        self,
-        q: np.ndarray,
-        at: Kinematics,
-        combine: np.ndarray,
-        left: np.ndarray,
-        right: np.ndarray,
+    def _slopes(
+        self, q: np.ndarray, combine: np.ndarray, left: np.ndarray, right: np.ndarray
     ) -> np.ndarray:
-        """Derivative (nv,) of left^T A right, left and right held.
-
-        Rows of K are derivatives of the residual, so that of left^T K right along x is that of
-        left^T K x along right, but for the bracket of the two fields of motion: one central
-        difference along ``right`` does for all x. Angular velocity is no derivative; its structure
-        equation d omega = +-omega x omega (world, tip axes) adds a term.
-        """
-        mechanism = self.mechanism
-        r, columns = combine.shape[-2], mechanism.column_scale
-        along = np.zeros((*q.shape[:-1], mechanism.model.nv))
-        along[..., mechanism.passive_v if self.kind == "direct" else slice(None)] = right
-        size = np.linalg.norm(along, axis=-1, keepdims=True)
-        size = np.where(size > 0.0, size, 1.0)
-        step = DIFFERENCE / size * along * columns
-        ahead, behind = (
-            kinematics(mechanism, moved(mechanism, q, s * step), tip=self.needs_tip)
-            for s in (1.0, -1.0)
-        )
-        rate = size / (2.0 * DIFFERENCE)
-        bracket = _bracket(mechanism, along * columns)
-        rows = _times(left[..., :r], combine)
-        found = rate * _times(rows, ahead.closures - behind.closures)
-        if bracket is not None:
-            found += _times(_times(rows, at.closures) / columns, bracket)
-        if not self.needs_tip:
-            return np.asarray(found)
-        change = rate[..., None] * (self.task_rows(ahead) - self.task_rows(behind))
-        if bracket is not None:
-            change += (self.task_rows(at) / columns) @ bracket
-        angular, sign = at.tip[..., 3:, :] * columns, -1.0
-        if len(self._angular) != 3:
-            angular, sign = at.attitude.swapaxes(-1, -2) @ angular, 1.0
-        turn = (angular @ along[..., None])[..., 0]
-        turning = sign * skew(turn) @ angular
-        first = len(self.outputs) - len(self._angular)
-        change[..., first:, :] += turning[..., self._angular, :]
-        return np.asarray(found + _times(left[..., r:], change))
+        """Derivatives (j, nv) of left^T A right for j rows of ``left`` and of ``right``, held."""
+        r, nv = combine.shape[-2], self.mechanism.model.nv
+        some, closures = left.shape[:-1], self.mechanism.rows
+        full = np.zeros((*some, closures + len(self.outputs)))
+        full[..., :closures] = left[..., :r] @ combine
+        full[..., closures : closures + left.shape[-1] - r] = left[..., r:]
+        along = right
+        if self.kind == "direct":
+            along = np.zeros((*some, nv))
+            along[..., self.mechanism.passive_v] = right
+        x = np.broadcast_to(q[..., None, :], (*some, q.shape[-1]))
+        flat = [part.reshape(-1, part.shape[-1]) for part in (x, full, along)]
+        return self.code.slopes(*flat).reshape(*some, nv)
 
 
 def corner(matrix: np.ndarray, borders: Borders) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -193,8 +151,15 @@ def corner(matrix: np.ndarray, borders: Borders) -> tuple[np.ndarray, np.ndarray
     bordered[..., :m, n:] = b
     bordered[..., m:, :n] = c.swapaxes(-1, -2)
     unit = np.eye(size)
-    right = _solved(bordered, unit[:, m:])
-    left = _solved(bordered.swapaxes(-1, -2), unit[:, n:])
+    if matrix.ndim == 2:
+        factors = Factors.of(bordered)
+        if factors.sign == 0:
+            raise np.linalg.LinAlgError("the bordered matrix is singular")
+        right = factors.solve(unit[:, m:])
+        left = factors.solve(unit[:, n:], transposed=True)
+    else:
+        right = _solved(bordered, unit[:, m:])
+        left = _solved(bordered.swapaxes(-1, -2), unit[:, n:])
     return right[..., n:, :], left[..., :m, :], right[..., :n, :]
 
 
@@ -212,22 +177,3 @@ def _solved(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
             with suppress(np.linalg.LinAlgError):
                 found[i] = np.linalg.solve(matrix[i], right)
         return found
-
-
-def _times(row: np.ndarray, matrix: np.ndarray) -> np.ndarray:
-    """Product (n,) of a row (m,) and a matrix (m, n)."""
-    return np.asarray((row[..., None, :] @ matrix)[..., 0, :])
-
-
-def _bracket(mechanism: Mechanism, v: np.ndarray) -> np.ndarray | None:
-    """Matrix (nv, nv) of x -> [x, v] in the tangent space: None where no body floats."""
-    floating = [joint.idx_v for joint in list(mechanism.model.joints)[1:] if joint.nv == 6]
-    if not floating:
-        return None
-    out = np.zeros((*v.shape[:-1], v.shape[-1], v.shape[-1]))
-    for first in floating:
-        linear, angular = skew(v[..., first : first + 3]), skew(v[..., first + 3 : first + 6])
-        out[..., first : first + 3, first : first + 3] = -angular
-        out[..., first : first + 3, first + 3 : first + 6] = -linear
-        out[..., first + 3 : first + 6, first + 3 : first + 6] = -angular
-    return np.asarray(out * mechanism.column_scale)

@@ -3,85 +3,161 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from weakref import WeakKeyDictionary
 
 import numpy as np
-import pinocchio as pin
 
-from closedchain.analysis.singularity.sets.postures_at import Kinematics
-from closedchain.closure.chart import Chart
+from closedchain.analysis.singularity.sets.postures_at import on
+from closedchain.closure.chart import TILTS, Chart
+from closedchain.closure.mechanism import Mechanism
+from closedchain.closure.tape.derivative import forward
+from closedchain.closure.tape.expression import Expr
+from closedchain.closure.tape.machine import Compiled, compiled
+from closedchain.closure.tape.rows import Kinematics, kinematics
+from closedchain.closure.tape.vectors import Matrix, add, dot, matmul, rotation, scale
 from closedchain.urdf.description import OUTPUTS
-
-TURN = 1e-6  # rad or m/length: central difference of the target pose along a coordinate
 
 Rows = tuple[np.ndarray, np.ndarray, np.ndarray]
 
+SMALL = 1e-6
+"""Square of an angle [rad] below which a rotation is written as a power series."""
 
-def chart_rows(chart: Chart, q: np.ndarray, c: np.ndarray, at: Kinematics) -> Rows:
-    """Values (rows,) of the chart's rows, their derivatives by q (rows, nv) and by c (rows, k).
 
-    Dimensionless: pinned joints, then components of the tip's pose as ``closure.task`` has them.
+@dataclass(frozen=True, eq=False)
+class ChartRows:
+    """Machine code for the rows of a chart: pinned joints, then components of the tip's pose.
 
-    Parameters
+    Attributes
     ----------
-    q, c : (nq,) and (k,) arrays, or (n, nq) and (n, k)
-    at : Kinematics
-        At q, with the tip where the chart prescribes outputs.
+    chart : Chart
+        Whatever values it holds, and whichever of its coordinates vary.
     """
-    if q.ndim == 1:
-        some = (at.residual, at.closures, at.tip, at.place, at.attitude)
-        residual, closures, tip, place, attitude = (v[None] for v in some)
-        one = Kinematics(residual, closures, tip, place, attitude)
-        values, by_q, by_c = chart_rows(chart, q[None], c[None], one)
-        return values[0], by_q[0], by_c[0]
-    mechanism, (n, k) = chart.mechanism, c.shape
-    offsets = TURN * np.diag(chart.scale)
-    # the coordinates themselves, then each of them ahead, then behind
-    shifts = np.concatenate([np.zeros((1, k)), offsets, -offsets])
-    found = chart.prescribed((shifts[:, None] + c).reshape(-1, k))
-    pins, turns, places = (v.reshape(1 + 2 * k, n, *v.shape[1:]) for v in found)
-    ahead, behind = slice(1, 1 + k), slice(1 + k, None)
-    unit = mechanism.column_scale[chart.pinned_v]
-    values = (q[:, chart.pinned_q] - pins[0]) / unit
-    by_q = np.broadcast_to(
-        np.eye(mechanism.model.nv)[chart.pinned_v], (n, unit.size, mechanism.model.nv)
-    )
-    by_c = np.moveaxis(pins[behind] - pins[ahead], 0, -1) / unit[:, None] / (2.0 * TURN)
-    if not chart.outputs:
-        return values, by_q, by_c
-    goal, by_twist = _goal_rows(at, turns[0], places[0], chart.outputs)
-    # a twist of the target is the opposite twist of the tip
-    target = np.empty((n, 6, k))
-    target[:, :3] = np.moveaxis(places[ahead] - places[behind], 0, -1)
-    small = turns[ahead] @ turns[behind].swapaxes(-1, -2)  # turns so small are their skew parts
-    for i, (a, b) in enumerate(((2, 1), (0, 2), (1, 0))):
-        target[:, 3 + i] = 0.5 * (small[..., a, b] - small[..., b, a]).T
-    goal_unit = np.array([mechanism.length if name in "xyz" else 1.0 for name in chart.outputs])
-    by_twist = by_twist / goal_unit[:, None]
-    return (
-        np.concatenate([values, goal / goal_unit], axis=1),
-        np.concatenate([by_q, by_twist @ (at.tip * mechanism.column_scale)], axis=1),
-        np.concatenate([by_c, by_twist @ target / (-2.0 * TURN)], axis=1),
-    )
+
+    chart: Chart
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Coordinates that the rows depend on: joints, then all of the tip's pose."""
+        chart = self.chart
+        if not chart.outputs:
+            return chart.joints
+        return (*chart.joints, *"xyz", *(TILTS if chart.tilting else OUTPUTS[3:]))
+
+    def run(self, q: np.ndarray, coordinates: np.ndarray) -> Rows:
+        """Values (p,), derivatives by q (p, nv) and by coordinates (p, len(names)).
+
+        Dimensionless. ``coordinates`` in the order of ``names``; for one or for many.
+        """
+        chart, some = self.chart, q.shape[:-1]
+        rows, nv = len(chart.joints) + len(chart.outputs), chart.mechanism.model.nv
+        numbers = on(self._code, np.concatenate([q, coordinates], axis=-1))
+        first, second = rows, rows + rows * nv
+        return (
+            numbers[..., :first],
+            numbers[..., first:second].reshape(*some, rows, nv),
+            numbers[..., second:].reshape(*some, rows, len(self.names)),
+        )
+
+    @cached_property
+    def _code(self) -> Compiled:
+        chart, model = self.chart, self.chart.mechanism.model
+        k = kinematics(chart.mechanism)
+        g, zero = k.graph, k.graph.constant(0.0)
+        c = g.inputs(model.nq, len(self.names))
+        values: list[Expr] = []
+        by_q: list[list[Expr]] = []
+        for at, v, wanted in zip(chart.pinned_q, chart.pinned_v, c, strict=False):
+            values.append((k.q[at] - wanted) * float(1.0 / chart.mechanism.column_scale[v]))
+            by_q.append([g.constant(float(i == v)) for i in range(model.nv)])
+        if chart.outputs:
+            tip = chart.mechanism.required_task().tip
+            outputs = [OUTPUTS.index(name) for name in chart.outputs]
+            goal = k.goal(tip, outputs, self._target(k, c[len(chart.joints) :]))
+            values += goal.values
+            entries = [k.own(row) for row in goal.entries]
+            by_q += [[row.get(v, zero) for v in range(model.nv)] for row in entries]
+        units = [chart.mechanism.length if chart.unit(n) == "m" else 1.0 for n in self.names]
+        by_c = [forward(g, values, {model.nq + i: u}) for i, u in enumerate(units)]
+        out = values + [x for row in by_q for x in row]
+        out += [column[i] for i in range(len(values)) for column in by_c]
+        return compiled(g.tape(out, model.nq + len(c)))
+
+    def _target(self, k: Kinematics, c: Sequence[Expr]) -> tuple[Matrix, list[Expr]]:
+        """Pose of the tip, its origin in lengths, for x y z and three rotation coordinates."""
+        chart, g = self.chart, k.graph
+        if chart.tilting:
+            first, second, tool = chart.tip_axes
+            tilt, azimuth, torsion = c[3:]
+            lean = add(
+                scale(azimuth.cos(), [float(x) for x in second]),
+                scale(-azimuth.sin(), [float(x) for x in first]),
+            )
+            turn: Matrix = matmul(about(lean, tilt), about([float(x) for x in tool], torsion))
+        else:
+            turn = turned(c[3:])
+        home = [[g.constant(x) for x in row] for row in chart.home_pose.rotation]
+        return matmul(home, turn), scale(1.0 / chart.mechanism.length, c[:3])
 
 
-def _goal_rows(
-    at: Kinematics, turn: np.ndarray, place: np.ndarray, outputs: Sequence[str]
-) -> tuple[np.ndarray, np.ndarray]:
-    """Rows (n, d) of a tip goal, and their derivative (n, d, 6) by the tip's twist."""
-    linear = [OUTPUTS.index(name) for name in outputs if name in "xyz"]
-    angular = [OUTPUTS.index(name) - 3 for name in outputs if name in OUTPUTS[3:]]
-    by_twist = np.zeros((len(place), len(outputs), 6))
-    by_twist[:, range(len(linear)), linear] = 1.0
-    values = [(at.place - place)[:, linear]]
-    first = len(linear)
-    if len(angular) in (1, 3):
-        relative = turn.swapaxes(1, 2) @ at.attitude
-        values.append(np.array([pin.log3(one) for one in relative])[:, angular])
-        derivative = np.array([pin.Jlog3(one) for one in relative]) @ at.attitude.swapaxes(1, 2)
-        by_twist[:, first:, 3:] = derivative[:, angular]
-    elif len(angular) == 2:
-        (third,) = {0, 1, 2} - set(angular)
-        axis, wanted = at.attitude[:, :, third], turn[:, :, angular].swapaxes(1, 2)
-        values.append((wanted @ axis[..., None])[..., 0])
-        by_twist[:, first:, 3:] = np.cross(axis[:, None], wanted)
-    return np.concatenate(values, axis=1), by_twist
+def about(axis: Sequence[Expr | float], angle: Expr) -> Matrix:
+    """Rotation about a unit axis."""
+    sine = (0.5 * angle).sin()
+    return rotation([*scale(sine, axis), (0.5 * angle).cos()])
+
+
+def turned(vector: Sequence[Expr]) -> Matrix:
+    """Rotation of a rotation vector, smooth at zero."""
+    square = dot(vector, vector)
+    near = square < SMALL
+    angle = near.select(1.0, square).sqrt()
+    share = near.select(
+        0.5 - square * (1.0 / 48.0 - square * (1.0 / 3840.0)), (0.5 * angle).sin() / angle
+    )
+    cosine = near.select(1.0 - square * (0.125 - square * (1.0 / 384.0)), (0.5 * angle).cos())
+    return rotation([*scale(share, vector), cosine])
+
+
+@dataclass(frozen=True, eq=False)
+class SliceRows:
+    """The rows of a chart as functions of the coordinates that vary, the others held."""
+
+    chart: Chart
+
+    @cached_property
+    def code(self) -> ChartRows:
+        """Rows in all coordinates."""
+        return rows_of(self.chart)
+
+    @cached_property
+    def _varying(self) -> list[int]:
+        return [self.code.names.index(name) for name in self.chart.names]
+
+    @cached_property
+    def _held(self) -> np.ndarray:
+        home = dict(zip("xyz", self.chart.home_pose.translation.tolist(), strict=True))
+        given = home | dict(self.chart.held)
+        return np.array([given.get(name, 0.0) for name in self.code.names])
+
+    def at(self, q: np.ndarray, c: np.ndarray) -> Rows:
+        """Values (rows,), derivatives by q (rows, nv) and by c (rows, k), dimensionless.
+
+        Parameters
+        ----------
+        q, c : (nq,) and (k,) arrays, or (n, nq) and (n, k)
+        """
+        coordinates = np.empty((*c.shape[:-1], len(self._held)))
+        coordinates[:] = self._held
+        coordinates[..., self._varying] = c
+        values, by_q, by_c = self.code.run(q, coordinates)
+        return values, by_q, by_c[..., self._varying]
+
+
+_ROWS: WeakKeyDictionary[Mechanism, dict[object, ChartRows]] = WeakKeyDictionary()
+
+
+def rows_of(chart: Chart) -> ChartRows:
+    """Rows for the joints and outputs that a chart prescribes, made once."""
+    known = _ROWS.setdefault(chart.mechanism, {})
+    return known.setdefault((chart.joints, chart.outputs, chart.tilting), ChartRows(chart))

@@ -6,12 +6,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from closedchain.analysis.singularity.bulk.measuring import bulk_measures
 from closedchain.analysis.singularity.classify import SINGULAR, classify
-from closedchain.analysis.singularity.maps.measures import KINDS
-from closedchain.analysis.singularity.sets.bordered import Measure
-from closedchain.analysis.singularity.sets.postures_at import kinematics
+from closedchain.analysis.singularity.rank_loss import (
+    ClosedMotions,
+    closed_motions,
+    entry,
+    sigma_direct,
+    sigma_inverse,
+)
+from closedchain.analysis.singularity.sets.postures_at import first_order_code
 from closedchain.analysis.structure.mobility import generic_rank
+from closedchain.closure.generic import generic_ranks
 from closedchain.closure.mechanism import Mechanism
 
 CHUNK = 256  # postures whose matrices are held at once
@@ -28,71 +33,100 @@ class Kinds:
     lost_twists: np.ndarray
 
 
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """First-order kinematics of postures (n, nq), as far as they are regular for the closures.
+
+    Attributes
+    ----------
+    residual : (n,) array
+        Largest closure row [m or rad].
+    closures : (n, rows) array
+        Singular values of K, falling.
+    motions : ClosedMotions
+        As many as at a generic posture.
+    tip : (n, 6, m) array
+        Dimensionless twists of the tip in these motions, along the world's axes.
+    """
+
+    residual: np.ndarray
+    closures: np.ndarray
+    motions: ClosedMotions
+    tip: np.ndarray
+
+
+def evidence(mechanism: Mechanism, q: np.ndarray, outputs: tuple[str, ...]) -> Evidence:
+    """First-order kinematics of postures (n, nq), unchecked."""
+    code, r = first_order_code(mechanism, outputs), generic_rank(mechanism)
+    at, (rates, tip) = code.at(q), code.rates(q)
+    if r == mechanism.rows:
+        # the last columns of an orthogonal matrix whose first ones span the rows
+        basis = np.linalg.qr(at.closures.swapaxes(1, 2), mode="complete")[0][..., r:]
+        s = np.linalg.svd(at.closures, compute_uv=False)
+    else:
+        _, s, vt = np.linalg.svd(at.closures)
+        basis = vt[:, r:].swapaxes(1, 2)
+    motions = closed_motions(mechanism, basis, rates, at.task)
+    residual = np.abs(at.residual * mechanism.row_scale).max(axis=1, initial=0.0)
+    return Evidence(residual, s, motions, tip @ motions.motions)
+
+
+def sigmas_of(mechanism: Mechanism, found: Evidence, outputs: tuple[str, ...]) -> np.ndarray:
+    """Direct, inverse and constraint singular values (n, 3)."""
+    generic, r = generic_ranks(mechanism, outputs), generic_rank(mechanism)
+    v = found.motions
+    return np.stack(
+        [sigma_direct(v, generic), sigma_inverse(v, generic), entry(found.closures, r)], axis=1
+    )
+
+
 def classified(mechanism: Mechanism, q: np.ndarray, outputs: tuple[str, ...]) -> list[Kinds]:
     """Classify closed postures (n, nq), unchecked.
 
-    Singular values come in bulk, null spaces from LAPACK over many postures. Where
-    a decision is close, or closures themselves are singular, ``classify`` takes it.
+    By LAPACK over many postures. Where a decision is close, or closures themselves are singular,
+    ``classify`` takes it.
     """
-    if not len(q):
-        return []
-    found = bulk_measures(mechanism, outputs).measures(q)
-    sigmas = np.stack([found[f"sigma_{kind}"] for kind in KINDS], axis=1)
-    out = []
-    for begin in range(0, len(q), CHUNK):
-        part = slice(begin, begin + CHUNK)
-        out += _chunk(mechanism, q[part], outputs, sigmas[part])
-    return out
+    parts = [q[begin : begin + CHUNK] for begin in range(0, len(q), CHUNK)]
+    return [kinds for part in parts for kinds in _chunk(mechanism, part, outputs)]
 
 
-def _chunk(
-    mechanism: Mechanism, q: np.ndarray, outputs: tuple[str, ...], sigmas: np.ndarray
-) -> list[Kinds]:
-    at = kinematics(mechanism, q, tip=True)
-    task = Measure(mechanism, "inverse", outputs).task_rows(at)
-    # the largest singular values hardly change over a set: those of one posture do
-    limits = SINGULAR * _largest(at.closures[0], task[0])
-    singular = sigmas <= limits
-    sure = (sigmas <= limits / UNSURE) | (sigmas >= limits * UNSURE)
-    easy = sure.all(axis=1) & ~singular[:, 2]
-    r, p, nv = generic_rank(mechanism), mechanism.passive_v, mechanism.model.nv
-    free: dict[int, np.ndarray] = {}
-    lost: dict[int, np.ndarray] = {}
-    direct = np.flatnonzero(easy & singular[:, 0])
-    if direct.size:
-        _, s, vt = np.linalg.svd(at.closures[direct][..., p])
-        for i, values, rows in zip(direct.tolist(), s, vt, strict=True):
-            null = rows[int((values > limits[0]).sum()) :]
-            motions = np.zeros((nv, len(null)))
-            motions[p] = null.T * mechanism.column_scale[p, None]
-            free[i] = at.tip[i] @ motions
-    inverse = np.flatnonzero(easy & singular[:, 1])
-    if inverse.size:
-        _, _, vt = np.linalg.svd(at.closures[inverse])
-        u, s, _ = np.linalg.svd(task[inverse] @ vt[:, r:].swapaxes(1, 2))
-        for i, left, values in zip(inverse.tolist(), u, s, strict=True):
-            produced = min(int((values > limits[1]).sum()), max(values.size - 1, 0))
-            lost[i] = _rising(left[:, produced:])
-    none, all_produced = np.zeros((6, 0)), np.zeros((len(outputs), 0))
+def _chunk(mechanism: Mechanism, q: np.ndarray, outputs: tuple[str, ...]) -> list[Kinds]:
+    found, generic = evidence(mechanism, q, outputs), generic_ranks(mechanism, outputs)
+    v, sigmas = found.motions, sigmas_of(mechanism, found, outputs)
+    # of inputs the right singular vectors are wanted, of outputs the left ones
+    _, inputs, locked = np.linalg.svd(v.inputs)
+    lost, produced, _ = np.linalg.svd(v.outputs)
+    scale = np.maximum(generic.output_scale, produced.max(axis=1, initial=0.0))
+    limits = np.stack([np.ones_like(scale), scale, found.closures.max(axis=1, initial=1e-300)])
+    limits = SINGULAR * limits.T
+    hard = (sigmas < limits * UNSURE) & (sigmas > limits / UNSURE)
+    easy = ~hard.any(axis=1) & (sigmas[:, 2] > limits[:, 2])
+    driven = (inputs > limits[:, :1]).sum(axis=1)
+    kept = (produced > limits[:, 1:2]).sum(axis=1)
+    direct = v.size - driven > generic.idle
+    inverse = kept < generic.outputs.value
+    length = np.repeat([mechanism.length, 1.0], 3)[:, None]
     out = []
     for i, one in enumerate(q):
         if not easy[i]:
-            c = classify(mechanism, one, outputs)
-            values = np.array([c.sigma_direct, c.sigma_inverse, c.sigma_constraint])
-            out.append(Kinds(c.kinds, values, c.free_twists, c.lost_twists))
+            out.append(_by_itself(mechanism, one, outputs))
             continue
-        kinds = frozenset(kind for kind, s in zip(KINDS, singular[i], strict=True) if s)
-        out.append(Kinds(kinds, sigmas[i], free.get(i, none), lost.get(i, all_produced)))
+        free, gone = np.zeros((6, 0)), np.zeros((len(outputs), 0))
+        if direct[i]:
+            twists = found.tip[i] @ locked[i, driven[i] :].T
+            free = length * (twists @ np.linalg.svd(twists)[2].T)
+        if inverse[i]:
+            gone = _rising(lost[i, :, kept[i] :])
+        kinds = {"direct": direct[i], "inverse": inverse[i]}
+        names = frozenset(name for name, true in kinds.items() if true)
+        out.append(Kinds(names, sigmas[i], free, gone))
     return out
 
 
-def _largest(closures: np.ndarray, task: np.ndarray) -> np.ndarray:
-    """Largest singular values (3,) to compare with, of K (rows, nv), [K; J] and K; J (d, nv).
-
-    For the direct kind K and not K_p, which is nothing where it has a single row and is singular.
-    """
-    watched = (closures, np.concatenate([closures, task]), closures)
-    return np.array([np.linalg.norm(m, ord=2) if m.size else 1.0 for m in watched])
+def _by_itself(mechanism: Mechanism, q: np.ndarray, outputs: tuple[str, ...]) -> Kinds:
+    c = classify(mechanism, q, outputs)
+    values = np.array([c.sigma_direct, c.sigma_inverse, c.sigma_constraint])
+    return Kinds(c.kinds, values, c.free_twists, c.lost_twists)
 
 
 def _rising(lost: np.ndarray) -> np.ndarray:

@@ -12,6 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from closedchain.analysis.singularity.maps.measures import KINDS
+from closedchain.analysis.singularity.sets.classifying import evidence, sigmas_of
 from closedchain.analysis.singularity.sets.lattice import Lattice
 from closedchain.analysis.singularity.sets.slices import Frame, Slice
 from closedchain.closure.solve.solution_set import SOLVED
@@ -94,10 +96,10 @@ def _zeros(system: Slice, lattice: Lattice, kind: str, edges: Edges) -> np.ndarr
         t = np.where(halve[i], 0.5, np.clip(f[i] / (f[i] - g[i]), 1e-3, 1.0 - 1e-3))
         t = a[i] + t * width
         c = low[i] + t[:, None] * (high[i] - low[i])
-        q, refused = lattice.follow(best[i], c)
+        q, gone = lattice.follow(best[i], c)
         with np.errstate(invalid="ignore"):
             h = lattice.determinants(q)[name]
-        good = ~refused & np.isfinite(h)
+        good = (gone == 1.0) & np.isfinite(h)
         failed[i[~good]] = True
         running[i[~good]] = False
         i, t, h, width = i[good], t[good], h[good], width[good]
@@ -123,19 +125,13 @@ def _ends(system: Slice, lattice: Lattice, kind: str, edges: Edges) -> np.ndarra
     inner = np.where(first[:, None], edges.lower, edges.upper)
     outer = np.where(first[:, None], edges.upper, edges.lower)
     begin, target = lattice.place(inner), lattice.place(outer)
-    q, refused = lattice.follow(lattice.q[tuple(inner.T)], target)
-    z = system.point(q, 0.5 * (begin + target))
-    index = np.arange(len(edges))
-    # the coordinates across the edge are those of the edge
-    z[:, lattice.q.shape[-1] :] = np.where(
-        np.arange(begin.shape[1]) == edges.axis[:, None], z[:, lattice.q.shape[-1] :], begin
-    )
-    good = refused
+    q, gone = lattice.follow(lattice.q[tuple(inner.T)], target)
+    z = system.point(q, begin + gone[:, None] * (target - begin))
     out = np.full_like(z, np.nan)
-    chosen = index[good]
-    for some in np.array_split(chosen, max(1, -(-len(chosen) // CHUNK))):
-        if some.size:
-            out[some] = newton(system, z[some], edges.axis[some])
+    chosen = np.flatnonzero(gone < 1.0)
+    for begin in range(0, len(chosen), CHUNK):
+        some = chosen[begin : begin + CHUNK]
+        out[some] = newton(system, z[some], edges.axis[some])
     moved = (system.coordinates(out) - 0.5 * (begin + target)) / lattice.cell
     with np.errstate(invalid="ignore"):
         good = np.linalg.norm(moved, axis=1) <= 0.5 + BEYOND
@@ -199,8 +195,12 @@ def _checked(lattice: Lattice, kind: str, z: np.ndarray, found: np.ndarray) -> n
     """Points (n, nq + k) that were found, are closed, and singular; NaN for the others."""
     out = np.full_like(z, np.nan)
     chosen = np.flatnonzero(found & np.isfinite(z).all(axis=1))
-    if chosen.size:
-        measures = lattice.measures(z[chosen, : lattice.q.shape[-1]])
-        good = (measures[f"sigma_{kind}"] < ZERO) & (measures["residual"] < CLOSED)
-        out[chosen[good]] = z[chosen[good]]
+    column = KINDS.index(kind)
+    for begin in range(0, len(chosen), CHUNK):
+        some = chosen[begin : begin + CHUNK]
+        q = z[some, : lattice.q.shape[-1]]
+        seen = evidence(lattice.chart.mechanism, q, lattice.outputs)
+        sigmas = sigmas_of(lattice.chart.mechanism, seen, lattice.outputs)
+        good = (sigmas[:, column] < ZERO) & (seen.residual < CLOSED)
+        out[some[good]] = z[some[good]]
     return out

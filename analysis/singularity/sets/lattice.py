@@ -15,9 +15,10 @@ from closedchain.analysis.singularity.bulk.measuring import bulk_measures
 from closedchain.analysis.singularity.classify import SINGULAR
 from closedchain.analysis.singularity.maps.grid import OK, Grid, Progress
 from closedchain.analysis.singularity.maps.measures import KINDS, oriented
-from closedchain.analysis.singularity.sets.postures_at import kinematics
+from closedchain.analysis.singularity.sets.postures_at import first_order_code
 from closedchain.closure.chart import Chart
 from closedchain.closure.generic import generic_ranks
+from closedchain.closure.solve.control import SMALLEST
 from closedchain.closure.solve.outcome import Ending
 from closedchain.closure.solve.path import follower_of
 from closedchain.closure.solve.ways import follow
@@ -76,12 +77,15 @@ class Lattice:
     def follow(self, q: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Follow branches from postures (n, nq) to coordinates (n, k).
 
-        Returns the last postures on the ways, (n, nq), and which did not arrive, (n,) of bool.
+        Returns the last postures on the ways, (n, nq), and the share of each way that was gone,
+        (n,): 1 for those that arrived, and for no others.
         """
         problem = self.chart.problem
         here = follower_of(problem).place.run(np.ascontiguousarray(q.T)).T
-        way = follow(problem, q, np.ascontiguousarray(here), self.chart.targets(values))
-        return way.q, way.codes != Ending.ARRIVED.code
+        targets = self.chart.targets(values)
+        way = follow(problem, q, np.ascontiguousarray(here), targets, SMALLEST)
+        arrived = way.codes == Ending.ARRIVED.code
+        return way.q, np.where(arrived, 1.0, np.minimum(way.reached, 1.0 - 1e-12))
 
     def measures(self, q: np.ndarray) -> dict[str, np.ndarray]:
         """Measures (n,) of postures (n, nq); NaN, but for the residual, where one is not closed."""
@@ -92,7 +96,7 @@ class Lattice:
         return self._measured(q, bulk_measures(self.chart.mechanism, self.outputs).determinants)
 
     def _measured(self, q: np.ndarray, of: Measuring) -> dict[str, np.ndarray]:
-        at = kinematics(self.chart.mechanism, q, tip=False)
+        at = first_order_code(self.chart.mechanism, self.outputs).at(q)
         gap = np.abs(at.residual * self.chart.mechanism.row_scale).max(axis=1, initial=0.0)
         closed = gap <= OPEN
         found = {}

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from closedchain.analysis.singularity.sets.chart_rows import chart_rows
 from closedchain.analysis.singularity.sets.lattice import Lattice
-from closedchain.analysis.singularity.sets.postures_at import kinematics
 from closedchain.analysis.singularity.sets.slices import Slice
 from closedchain.closure.solve.solution_set import settle
 
@@ -63,8 +61,8 @@ def met(system: Slice, lattice: Lattice, z: np.ndarray) -> bool:
     if not len(cells):
         return False
     short = place + SHORT * (lattice.place(cells) - place)
-    q, refused = lattice.follow(lattice.q[tuple(cells.T)], short)
-    for start in system.point(q, short)[~refused]:
+    q, gone = lattice.follow(lattice.q[tuple(cells.T)], short)
+    for start in system.point(q, short)[gone == 1.0]:
         found = settle(system, start)
         there = found.posture
         if not found.good or np.abs(system.difference(start, there)).max() > STANDING:
@@ -89,20 +87,10 @@ def along(system: Slice, lattice: Lattice, points: np.ndarray) -> np.ndarray:
 
 def _leads(system: Slice, lattice: Lattice, cells: np.ndarray, points: np.ndarray) -> np.ndarray:
     """Whether ways from cells (n, k) lead to points (n, nq + k), (n,) of bool."""
-    start, target = lattice.q[tuple(cells.T)], system.coordinates(points)
-    q, refused = lattice.follow(start, target)
+    target = system.coordinates(points)
+    q, gone = lattice.follow(lattice.q[tuple(cells.T)], target)
     gap = np.abs(system.difference(points, system.point(q, target))).max(axis=1)
-    # how much of the way is left, by the rows that would be zero at its end
-    left, whole = (_off(lattice, one, target) for one in (q, start))
-    share = np.divide(left, whole, out=np.zeros_like(left), where=whole > 0.0)
     # short of a fold by the share s of the way, postures differ like the root of s
-    merging = MERGING + 2.0 * np.sqrt(np.maximum(share, CLOSE))
-    ended = (refused) & (share <= SHORT) & (gap < merging)
-    return np.asarray(((~refused) & (gap < SAME)) | ended)
-
-
-def _off(lattice: Lattice, q: np.ndarray, target: np.ndarray) -> np.ndarray:
-    """How far postures (n, nq) are from coordinates (n, k), (n,), dimensionless."""
-    chart = lattice.chart
-    at = kinematics(chart.mechanism, q, tip=bool(chart.outputs))
-    return np.asarray(np.linalg.norm(chart_rows(chart, q, target, at)[0], axis=1))
+    merging = MERGING + 2.0 * np.sqrt(np.maximum(1.0 - gone, CLOSE))
+    ended = (gone < 1.0) & (1.0 - gone <= SHORT) & (gap < merging)
+    return np.asarray(((gone == 1.0) & (gap < SAME)) | ended)

@@ -1,22 +1,31 @@
-"""What measures and equations need at a posture, or at many of them: closures, tip, steps.
+"""What measures and equations need at postures: closures, task, derivatives, steps.
 
-One posture goes through Pinocchio, many through machine code.
+All from machine code, for one posture or for many at once.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import pinocchio as pin
 
 from closedchain.closure.mechanism import Mechanism
-from closedchain.closure.solve.system import code_of
+from closedchain.closure.tape.derivative import gradient
+from closedchain.closure.tape.expression import Expr, total
+from closedchain.closure.tape.machine import Compiled, compiled
+from closedchain.closure.tape.rates import physical_rates
+from closedchain.closure.tape.rows import Entries, Kinematics, kinematics
+from closedchain.closure.tape.vectors import matvec, rotation, transposed
+from closedchain.closure.tape.verified import verify
+from closedchain.urdf.description import OUTPUTS
 
 
 @dataclass(frozen=True, eq=False)
-class Kinematics:
-    """Closures and tip at a posture; a leading n before every shape where there are many.
+class Postures:
+    """Closures and task at a posture; a leading n before every shape where there are many.
 
     Attributes
     ----------
@@ -24,97 +33,149 @@ class Kinematics:
         Closures, dimensionless.
     closures : (rows, nv) array
         K, dimensionless.
-    tip : (6, nv) array
-        Jacobian of the tip (linear, angular), world axes [m/s, rad/s]; empty without a task.
-    place : (3,) array
-        Origin of the tip in the world [m].
-    attitude : (3, 3) array
-        Rotation of the tip in the world.
+    task : (d, nv) array
+        J, dimensionless: one or two rotations are components along the tip's own axes.
     """
 
     residual: np.ndarray
     closures: np.ndarray
-    tip: np.ndarray
-    place: np.ndarray
-    attitude: np.ndarray
+    task: np.ndarray
 
 
-def kinematics(mechanism: Mechanism, q: np.ndarray, *, tip: bool) -> Kinematics:
-    """Evaluate closures and, where asked for, the tip at ``q`` (nq,) or (n, nq), unchecked."""
-    if q.ndim == 1:
-        values, jacobian = mechanism.workspace.evaluate(q)
-        unit = mechanism.row_scale
-        residual, closures = values / unit, jacobian * mechanism.column_scale / unit[:, None]
-    else:
-        residual, closures = _closures(mechanism, q)
-    if not tip:
-        some = q.shape[:-1]
-        attitude = np.broadcast_to(np.eye(3), (*some, 3, 3))
-        return Kinematics(
-            residual, closures, np.zeros((*some, 6, 0)), np.zeros((*some, 3)), attitude
+@dataclass(frozen=True, eq=False)
+class FirstOrderCode:
+    """Machine code for K and J of a mechanism and outputs, and for slopes of their combinations."""
+
+    mechanism: Mechanism
+    outputs: tuple[str, ...]
+
+    def at(self, q: np.ndarray) -> Postures:
+        """Closures and task at ``q`` (nq,) or (n, nq), unchecked."""
+        rows, nv, some = self.mechanism.rows, self.mechanism.model.nv, q.shape[:-1]
+        numbers = on(self._matrices, q)
+        first, second = rows, rows + rows * nv
+        return Postures(
+            numbers[..., :first],
+            numbers[..., first:second].reshape(*some, rows, nv),
+            numbers[..., second:].reshape(*some, len(self.outputs), nv),
         )
-    if q.ndim == 1:
-        return Kinematics(residual, closures, *_tip(mechanism))
-    moves, place = np.empty((len(q), 6, mechanism.model.nv)), np.empty((len(q), 3))
-    attitude = np.empty((len(q), 3, 3))
-    for i, one in enumerate(q):
-        pin.computeJointJacobians(mechanism.model, mechanism.workspace.data, one)
-        moves[i], place[i], attitude[i] = _tip(mechanism)
-    return Kinematics(residual, closures, moves, place, attitude)
 
+    def slopes(self, q: np.ndarray, left: np.ndarray, right: np.ndarray) -> np.ndarray:
+        """Derivative (nv,) of left^T [K; J] right, left (rows + d,) and right (nv,) held.
 
-def _closures(mechanism: Mechanism, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Dimensionless residual (n, rows) and K (n, rows, nv) of postures (n, nq)."""
-    code = code_of(mechanism, ())
-    numbers = code.code.run(np.ascontiguousarray(q.T)).T
-    rows = mechanism.rows
-    closures = np.zeros((len(q), rows, mechanism.model.nv))
-    closures[:, code.places[0], code.places[1]] = numbers[:, rows:]
-    return numbers[:, :rows] / mechanism.row_scale, closures
+        Along dimensionless steps in Pinocchio's v; of many postures, each with its own.
+        """
+        return on(self._slopes, np.concatenate([q, left, right], axis=-1))
 
+    def rates(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """P (n, k, nv) and the tip's motions (n, 6, nv) at postures (n, nq), dimensionless.
 
-def _tip(mechanism: Mechanism) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Jacobian, place and attitude of the tip at the posture that was evaluated last."""
-    model, data = mechanism.model, mechanism.workspace.data
-    frame = model.frames[mechanism.frame_id(mechanism.required_task().tip)]
-    if frame.parentJoint == 0:
-        moves = np.zeros((6, model.nv))
-    else:
-        moves = np.array(
-            pin.getFrameJacobian(
-                model, data, frame.parentJoint, frame.placement, pin.LOCAL_WORLD_ALIGNED
-            )
+        P as ``closure.joint_rates.physical_rates``; motions along the world's axes.
+        """
+        nv, numbers = self.mechanism.model.nv, on(self._rates, q)
+        both = numbers.reshape(len(q), -1, nv)
+        return both[:, :-6], both[:, -6:]
+
+    @cached_property
+    def _rates(self) -> Compiled:
+        k = kinematics(self.mechanism)
+        g, nv = k.graph, self.mechanism.model.nv
+        zero, one = g.constant(0.0), g.constant(1.0)
+        columns = physical_rates(k, [{v: one} for v in range(nv)])
+        rows: list[Entries] = [
+            {v: x for v, x in enumerate(row) if x.value != 0.0}
+            for row in zip(*columns, strict=True)
+        ]
+        rows += k.task(self.mechanism.required_task().tip, range(6))
+        dense = [row.get(v, zero) for row in map(k.own, rows) for v in range(nv)]
+        return compiled(g.tape(dense, self.mechanism.model.nq))
+
+    @cached_property
+    def _matrices(self) -> Compiled:
+        k, rows, task = self._written()
+        zero = k.graph.constant(0.0)
+        nv = self.mechanism.model.nv
+        dense = [row.get(v, zero) for row in rows + task for v in range(nv)]
+        verify(self.mechanism, self.outputs)
+        return compiled(k.graph.tape([*k.closures.values, *dense], self.mechanism.model.nq))
+
+    @cached_property
+    def _slopes(self) -> Compiled:
+        k, rows, task = self._written()
+        g, nq, nv = k.graph, self.mechanism.model.nq, self.mechanism.model.nv
+        every = rows + task
+        left, right = g.inputs(nq, len(every)), g.inputs(nq + len(every), nv)
+        product = total(
+            weight * g.lift(total(entry * right[v] for v, entry in row.items()))
+            for weight, row in zip(left, every, strict=True)
         )
-    pose = data.oMi[frame.parentJoint] * frame.placement
-    return moves, pose.translation.copy(), pose.rotation.copy()
+        by_q = gradient(g, g.lift(product), range(nq))
+        return compiled(g.tape(along_motions(k, by_q), nq + len(every) + nv))
+
+    def _written(self) -> tuple[Kinematics, list[Entries], list[Entries]]:
+        k = kinematics(self.mechanism, upright=False)  # K is then the derivative of open rows, too
+        task: list[Entries] = []
+        if self.outputs:
+            tip = self.mechanism.required_task().tip
+            task = k.task(tip, [OUTPUTS.index(n) for n in self.outputs])
+        return k, [k.own(row) for row in k.closures.entries], [k.own(row) for row in task]
+
+
+def on(code: Compiled, x: np.ndarray) -> np.ndarray:
+    """Outputs (outputs,) of a tape for (inputs,), or (n, outputs) for (n, inputs)."""
+    if x.ndim == 1:
+        return code.run(x[:, None])[:, 0]
+    return code.run(np.ascontiguousarray(x.T)).T
+
+
+def along_motions(k: Kinematics, by_q: list[Expr]) -> list[Expr]:
+    """Derivatives by dimensionless steps in Pinocchio's v, from those by the numbers of q."""
+    model, scale = k.mechanism.model, k.mechanism.column_scale
+    found: list[Expr] = []
+    for i in range(1, model.njoints):
+        iq = model.idx_qs[i]
+        if model.nvs[i] == 1:
+            found.append(float(scale[model.idx_vs[i]]) * by_q[iq])
+            continue
+        x, y, z, w = k.q[iq + 3 : iq + 7]
+        a, b, c, d = (0.5 * slope for slope in by_q[iq + 3 : iq + 7])
+        place = [k.mechanism.length * slope for slope in by_q[iq : iq + 3]]
+        found += matvec(transposed(rotation((x, y, z, w))), place)
+        # a turn r along the body's axes changes the quaternion by half its product with (r, 0)
+        found += [
+            w * a + z * b - y * c - x * d,
+            w * b + x * c - z * a - y * d,
+            w * c + y * a - x * b - z * d,
+        ]
+    return found
+
+
+_CODES: WeakKeyDictionary[Mechanism, dict[tuple[str, ...], FirstOrderCode]] = WeakKeyDictionary()
+
+
+def first_order_code(mechanism: Mechanism, outputs: tuple[str, ...]) -> FirstOrderCode:
+    """Machine code for a mechanism and outputs, made once; compiled when first used."""
+    known = _CODES.setdefault(mechanism, {})
+    if outputs not in known:
+        known[outputs] = FirstOrderCode(mechanism, outputs)
+    return known[outputs]
 
 
 def moved(mechanism: Mechanism, q: np.ndarray, v: np.ndarray) -> np.ndarray:
     """Postures after steps v [m, rad]: ``pin.integrate`` for one (nq,) or many (n, nq)."""
-    if q.ndim == 1:
-        return np.asarray(pin.integrate(mechanism.model, q, v))
     if mechanism.model.nq == mechanism.model.nv:
         return np.asarray(q + v)
+    if q.ndim == 1:
+        return np.asarray(pin.integrate(mechanism.model, q, v))
     return np.array([pin.integrate(mechanism.model, *both) for both in zip(q, v, strict=True)])
 
 
 def apart(mechanism: Mechanism, one: np.ndarray, two: np.ndarray) -> np.ndarray:
     """Steps [m, rad] from postures to others, for one or many: ``pin.difference``."""
-    if one.ndim == 1:
-        found = np.asarray(pin.difference(mechanism.model, one, two))
-    elif mechanism.model.nq == mechanism.model.nv:
-        found = two - one
-    else:
-        every = [pin.difference(mechanism.model, *both) for both in zip(one, two, strict=True)]
-        found = np.array(every).reshape(len(one), mechanism.model.nv)
-    return found
-
-
-def skew(vectors: np.ndarray) -> np.ndarray:
-    """Matrices (..., 3, 3) of the cross product with vectors (..., 3)."""
-    out = np.zeros((*vectors.shape, 3))
-    x, y, z = vectors[..., 0], vectors[..., 1], vectors[..., 2]
-    out[..., 0, 1], out[..., 0, 2] = -z, y
-    out[..., 1, 0], out[..., 1, 2] = z, -x
-    out[..., 2, 0], out[..., 2, 1] = -y, x
-    return out
+    if mechanism.model.nq == mechanism.model.nv:
+        return np.asarray(two - one)
+    if one.ndim == two.ndim == 1:
+        return np.asarray(pin.difference(mechanism.model, one, two))
+    one, two = np.broadcast_arrays(one, two)
+    every = [pin.difference(mechanism.model, *both) for both in zip(one, two, strict=True)]
+    return np.array(every).reshape(len(one), mechanism.model.nv)

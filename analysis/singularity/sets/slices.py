@@ -13,8 +13,14 @@ from functools import cached_property
 import numpy as np
 
 from closedchain.analysis.singularity.sets.bordered import Borders, Measure
-from closedchain.analysis.singularity.sets.chart_rows import chart_rows
-from closedchain.analysis.singularity.sets.postures_at import apart, kinematics, moved
+from closedchain.analysis.singularity.sets.chart_rows import SliceRows
+from closedchain.analysis.singularity.sets.postures_at import (
+    FirstOrderCode,
+    Postures,
+    apart,
+    first_order_code,
+    moved,
+)
 from closedchain.analysis.structure.mobility import generic_rank
 from closedchain.closure.chart import Chart
 from closedchain.closure.mechanism import Mechanism
@@ -76,8 +82,14 @@ class Slice:
         return turning(self.mechanism)
 
     @cached_property
-    def _tip(self) -> bool:
-        return bool(self.chart.outputs) or any(m.needs_tip for m in self.measures)
+    def _code(self) -> FirstOrderCode:
+        if self.measures:
+            return self.measures[0].code
+        return first_order_code(self.mechanism, ())
+
+    @cached_property
+    def _rows(self) -> SliceRows:
+        return SliceRows(self.chart)
 
     # -- points: one (nq + k,) or many (n, nq + k) ------------------------------------------------
 
@@ -109,9 +121,15 @@ class Slice:
 
     # -- equations: of one point or of many ------------------------------------------------------
 
+    def at(self, z: np.ndarray) -> Postures:
+        """Closures and task at points."""
+        return self._code.at(self.posture(z))
+
     def frame(self, z: np.ndarray) -> Frame:
         """Combined rows and borders that suit points and their neighbourhood."""
-        at = kinematics(self.mechanism, self.posture(z), tip=self._tip)
+        return self._frame(self.at(z))
+
+    def _frame(self, at: Postures) -> Frame:
         r = generic_rank(self.mechanism)
         if r == self.mechanism.rows and not self.unfold:
             combine = np.eye(r)
@@ -143,8 +161,8 @@ class Slice:
 
     def values(self, z: np.ndarray) -> list[np.ndarray]:
         """Singular values of each measure's matrix at a point, falling."""
-        at = kinematics(self.mechanism, self.posture(z), tip=self._tip)
-        combine = self.frame(z).combine
+        at = self.at(z)
+        combine = self._frame(at).combine
         return [m.values(at, combine) for m in self.measures]
 
     def lost(self, z: np.ndarray, share: float) -> tuple[int, ...]:
@@ -153,13 +171,12 @@ class Slice:
 
     def evaluate(self, z: np.ndarray, frame: Frame) -> tuple[np.ndarray, np.ndarray]:
         """Residual (rows,) and Jacobian (rows, nv + k), dimensionless."""
-        q, nv = self.posture(z), self.mechanism.model.nv
-        at = kinematics(self.mechanism, q, tip=self._tip)
+        q, nv, at = self.posture(z), self.mechanism.model.nv, self.at(z)
         kept = frame.combine.shape[-2] - self._unfolded
         closures = frame.combine[..., :kept, :]
         values = [(closures @ at.residual[..., None])[..., 0]]
         rows = [closures @ at.closures]
-        coordinates, by_q, by_c = chart_rows(self.chart, q, self.coordinates(z), at)
+        coordinates, by_q, by_c = self._rows.at(q, self.coordinates(z))
         for measure, borders in zip(self.measures, frame.borders, strict=True):
             g, gradient = measure.evaluate(q, at, frame.combine, borders)
             values.append(g)
@@ -173,8 +190,11 @@ class Slice:
 
     def residual(self, z: np.ndarray) -> np.ndarray:
         """Largest closure [m, rad], over all rows, and coordinate row (...); no measure."""
-        q = self.posture(z)
-        at = kinematics(self.mechanism, q, tip=self._tip)
-        coordinates = chart_rows(self.chart, q, self.coordinates(z), at)[0]
+        at = self.at(z)
+        coordinates = self.apart_from(self.posture(z), self.coordinates(z))
         closed = np.abs(at.residual * self.mechanism.row_scale).max(axis=-1, initial=0.0)
         return np.maximum(closed, np.abs(coordinates).max(axis=-1, initial=0.0))
+
+    def apart_from(self, q: np.ndarray, c: np.ndarray) -> np.ndarray:
+        """Rows (..., p) of the chart that are zero where postures have the coordinates ``c``."""
+        return self._rows.at(q, c)[0]

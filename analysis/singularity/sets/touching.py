@@ -133,9 +133,9 @@ def _least(
 
     def look(i: np.ndarray, t: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         goal = c[i] + np.where(t[:, None] < 0.0, -t[:, None] * down[i], t[:, None] * up[i])
-        q, refused = lattice.follow(start[i], goal)
+        q, gone = lattice.follow(start[i], goal)
         found = lattice.measures(q)
-        bad = refused | ~(found["residual"] < CLOSED)
+        bad = (gone < 1.0) | ~(found["residual"] < CLOSED)
         return np.where(bad, np.inf, found[name]), q, goal
 
     a, b = -np.ones(n), np.ones(n)

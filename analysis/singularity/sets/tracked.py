@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from closedchain.analysis.singularity.classify import SINGULAR
-from closedchain.analysis.singularity.sets.bordered import Measure
 from closedchain.analysis.singularity.sets.dimension import dimensions
 from closedchain.analysis.singularity.sets.edges import Edges, on_edges
 from closedchain.analysis.singularity.sets.lattice import Lattice
 from closedchain.analysis.singularity.sets.membership import reached
-from closedchain.analysis.singularity.sets.postures_at import kinematics
 from closedchain.analysis.singularity.sets.seeds import Seed, least_values, seed_on
 from closedchain.analysis.singularity.sets.slices import Slice
 from closedchain.closure.solve.branching import leaving
@@ -279,11 +277,10 @@ class Tracker:
         The closures lose rank there, and with them every matrix that holds them: the kind's own
         equations are degenerate, those of the constraint singularity are not.
         """
-        measure = Measure(self.system.mechanism, "constraint")
+        measure = replace(self.system.measures[0], kind="constraint", corank=1)
         if self.system.unfold or not min(measure.shape):
             return False
-        at = kinematics(self.system.mechanism, self.system.posture(z), tip=False)
-        s = np.linalg.svd(at.closures, compute_uv=False)
+        s = np.linalg.svd(self.system.at(z).closures, compute_uv=False)
         if s[min(measure.shape) - 1] > SINGULAR * s[0]:
             return False
         if "constraint" not in self.inner:
