@@ -10,7 +10,7 @@ from closedchain.closure.mechanism import Mechanism, TaskFrame
 from closedchain.closure.nearest import close
 from closedchain.closure.position import direct, inverse
 from closedchain.closure.ranks import Rank, numerical_rank
-from closedchain.closure.solution import Solution
+from closedchain.closure.solution import Solution, Solutions
 
 __all__ = [
     "Closure",
@@ -18,6 +18,7 @@ __all__ = [
     "Mechanism",
     "Rank",
     "Solution",
+    "Solutions",
     "TaskFrame",
     "close",
     "constraint_drift",
