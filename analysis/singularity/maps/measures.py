@@ -109,7 +109,7 @@ def oriented(chart: Chart, found: dict[str, np.ndarray]) -> dict[str, np.ndarray
     """Determinants with the signs that mean something on a branch of the chart.
 
     Where closure rows are redundant, only the ratio of the two determinants has a sign of its own
-    (see ``singularities.determinants``), and it goes to the one that can change on the branch: with
+    (see ``classify.determinants``), and it goes to the one that can change on the branch: with
     all outputs prescribed, [K; J] keeps its sign and K_p may change.
     """
     redundant = generic_rank(chart.mechanism) < chart.mechanism.rows
