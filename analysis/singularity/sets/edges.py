@@ -121,16 +121,16 @@ def _zeros(system: Slice, lattice: Lattice, kind: str, edges: Edges) -> np.ndarr
 
 def _ends(system: Slice, lattice: Lattice, kind: str, edges: Edges) -> np.ndarray:
     """Ends of the branch on edges that lead out of it."""
-    first = lattice.ok[tuple(edges.lower.T)]
-    inner = np.where(first[:, None], edges.lower, edges.upper)
-    outer = np.where(first[:, None], edges.upper, edges.lower)
+    upward = lattice.ok[tuple(edges.lower.T)][:, None]
+    inner = np.where(upward, edges.lower, edges.upper)
+    outer = np.where(upward, edges.upper, edges.lower)
     begin, target = lattice.place(inner), lattice.place(outer)
     q, gone = lattice.follow(lattice.q[tuple(inner.T)], target)
     z = system.point(q, begin + gone[:, None] * (target - begin))
     out = np.full_like(z, np.nan)
     chosen = np.flatnonzero(gone < 1.0)
-    for begin in range(0, len(chosen), CHUNK):
-        some = chosen[begin : begin + CHUNK]
+    for first in range(0, len(chosen), CHUNK):
+        some = chosen[first : first + CHUNK]
         out[some] = newton(system, z[some], edges.axis[some])
     moved = (system.coordinates(out) - 0.5 * (begin + target)) / lattice.cell
     with np.errstate(invalid="ignore"):
