@@ -3,6 +3,10 @@
 A walk is a list of steps: fixed displacements, turns and slides. Turns about parallel axes that
 follow each other add up to one angle, so that planar chains keep few cosines. Screws are those of
 the papers, (angular; linear at O), O being the origin of the frame that the walk sets out from.
+
+The screws are written here, not taken from ``closure.tape.rows``: a tape folds a description's
+sizes into numbers, where closed forms keep them as named parameters, and it knows every joint by
+its own angle, where a walk adds the angles of parallel axes before any cosine is taken.
 """
 
 from __future__ import annotations

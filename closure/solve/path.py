@@ -40,6 +40,7 @@ from closedchain.closure.tape.expression import Expr, Graph, Tape
 from closedchain.closure.tape.machine import Compiled, Looped, compiled, looped
 from closedchain.closure.tape.rows import Kinematics, Rows, kinematics
 from closedchain.closure.tape.vectors import quaternion
+from closedchain.closure.tape.verified import agree, verify
 
 CHUNK = 2048  # postures between looks at the keyboard
 TICKS = 400  # steps of Newton's method between looks at the keyboard
@@ -258,7 +259,7 @@ class Follower:
         [m or rad].
         """
         problem, nq = self.problem, self.problem.mechanism.model.nq
-        k = kinematics(problem.mechanism)
+        k = kinematics(problem.mechanism, upright=False)  # rows as the public residual has them
         g = k.graph
         target = g.inputs(nq, problem.prescribed)
         rows = problem.rows(k, target)
@@ -432,7 +433,36 @@ def follower_of(problem: Problem) -> Follower:
     """Machine code of a problem, made once."""
     known = problem.mechanism.known
     found: Follower | None = known.get(problem)
-    return found or known.setdefault(problem, Follower(problem))
+    if found is None:
+        found = Follower(problem)
+        prove(found)
+        found = known.setdefault(problem, found)
+    return found
+
+
+def prove(follower: Follower) -> None:
+    """Compare machine code with Pinocchio at two postures before it serves.
+
+    Raises
+    ------
+    TapeError
+        They differ by more than ``verified.AGREE``.
+    """
+    problem, m = follower.problem, follower.problem.mechanism
+    verify(m)
+    q = problem.regular[-2:]
+    targets = problem.targets_at(q)
+    near = np.array([pin.integrate(m.model, x, 1e-4 * m.column_scale) for x in q])
+    closed = follower.run(near, targets, targets)
+    left = np.array([m.workspace.residual(x) for x in closed.q[closed.started]])
+    agree(f"the postures of {m.name!r}", left, np.zeros_like(left))
+    welded = any(closure.kind == "fixed" for closure in m.closures)
+    rng = np.random.default_rng(2)
+    v = (0.0 if welded else 0.02) * rng.standard_normal(m.model.nv) * m.column_scale
+    off = np.array([pin.integrate(m.model, x, v) for x in q])
+    told = follower.check.run(np.concatenate([off.T, problem.targets_at(off).T]))[0]
+    expected = [np.abs(m.workspace.residual(x)).max(initial=0.0) for x in off]
+    agree(f"the residual of {m.name!r}", told, np.array(expected))
 
 
 def _parameters(begin: np.ndarray, end: np.ndarray, smallest: float) -> np.ndarray:
