@@ -1,19 +1,21 @@
-"""Many postures of D1 on one core, beside a Python loop over Pinocchio and LAPACK.
+"""Many postures at once on one core, for D1 beside a Python loop over Pinocchio and LAPACK.
 
-Two works, each timed for both in the same run: residual and both determinants of given postures;
-and a solved and classified cell of a map (position by continuation from its neighbour, three
-singular values, two determinants, condition of the twist map).
+Works: residual and determinants of given postures; solves from 2 mm away; requests for inputs or
+poses, many at once; solved and classified cells of a map (position by continuation from its
+neighbour, singular values, determinants, condition of the twist map).
 """
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
+import pinocchio as pin
 
 import closedchain as cc
-from benchmarks.timing import Row
+from benchmarks.cases import CASES, STEP, Case
+from benchmarks.timing import OURS, Row, least
 from closedchain.analysis.first_order import first_order
 from closedchain.analysis.singularity.bulk.measuring import bulk_measures
 from closedchain.analysis.singularity.classify import determinants
@@ -22,58 +24,131 @@ from closedchain.closure.charting import chart_of, straight
 from closedchain.closure.continuation import follow
 from closedchain.closure.equations import correct
 from closedchain.closure.nearest import beyond_limits
+from closedchain.closure.position import driven
 from closedchain.closure.solve.flood import ARRIVED, Block, flood
+from closedchain.closure.solve.path import follower_of
 from closedchain.closure.task import task_jacobian
 
-OURS = "closedchain"
 LOOP = "Pinocchio + LAPACK loop"
 DETERMINANTS = "residual, two determinants"
 CELL = "solved, classified map cell"
-HALF = 0.06  # m, of both axes
+PUBLIC = "singularity_map, a cell"
+SOLVE = "solve from 2 mm away, in bulk"
+MANY = {"direct": "direct, many at once", "inverse": "inverse, many at once"}
+
+
+@dataclass(frozen=True)
+class Field:
+    """A map that is timed: coordinates, and half its width [m or rad] about the start."""
+
+    robot: str
+    names: tuple[str, ...]
+    half: float
+
+    def axes(self, chart: Chart, cells: int) -> dict[str, np.ndarray]:
+        """Values of each coordinate, ``cells`` ** 2 in all."""
+        each = max(3, round(cells ** (2.0 / len(self.names))))
+        home = chart.values(chart.start)
+        return {
+            n: np.linspace(h - self.half, h + self.half, each)
+            for n, h in zip(self.names, home, strict=True)
+        }
+
+
+FIELDS = (
+    Field("d1", ("q1", "q2"), 0.06),
+    Field("linear_delta", ("x", "y", "z"), 0.06),
+    Field("rpa3t", ("theta1", "theta2", "theta3"), 0.06),
+)
 
 
 def rows(cells: int, repeats: int = 5) -> Iterator[Row]:
-    """Rows of both works for D1's map q1 x q2 with ``cells`` along an axis."""
-    m = cc.load("d1")
-    chart = chart_of(m, ["q1", "q2"])
-    bulk = bulk_measures(m)
-    home = chart.values(chart.start)
-    axes = [np.linspace(h - HALF, h + HALF, cells) for h in home]
-    values = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
+    """Rows of all works, ``cells`` ** 2 postures at once in each."""
+    yield from _determinants(cells, repeats)
+    yield from _solve(cells, repeats)
+    for case in CASES:
+        yield from _many(case, cells, repeats)
+    for field in FIELDS:
+        yield from _cells(field, cells, repeats)
+
+
+def _determinants(cells: int, repeats: int) -> Iterator[Row]:
+    chart, values = grid(FIELDS[0], cells)
+    bulk = bulk_measures(chart.mechanism)
     reached, q = filled(chart, values)
     postures = np.ascontiguousarray(q[reached])
-    bulk.measures(postures)  # compiles
-
-    ours = best(lambda: bulk.determinants(postures), repeats) / len(postures)
-    theirs = best(lambda: loop_determinants(m, postures), 1) / len(postures)
     residual = float(bulk.determinants(postures)["residual"].max())
-    yield Row("d1", DETERMINANTS, OURS, ours, residual, note=f"{1e9 * ours:.0f} ns")
+    ours = least(lambda: bulk.determinants(postures), repeats) / len(postures)
+    yield Row("d1", DETERMINANTS, OURS, ours, residual)
+    theirs = least(lambda: loop_determinants(chart.mechanism, postures), 1) / len(postures)
     yield Row("d1", DETERMINANTS, LOOP, theirs, residual)
+
+
+def _solve(cells: int, repeats: int) -> Iterator[Row]:
+    """Newton's method alone: postures and targets as the follower takes them."""
+    m, q = CASES[1].start()
+    n, start = cells**2, m.input_values(q)
+    targets = np.tile(start + STEP, (n, 1))
+    follower = follower_of(driven(m))
+    given = np.tile(q, (n, 1)), np.tile(start, (n, 1)), targets
+    way = follower.run(*given)
+    residual = float(follower.check.run(np.concatenate([way.q.T, targets.T]))[0].max())
+    seconds = least(lambda: follower.run(*given), repeats) / n
+    note = f"{way.evaluations.mean():.1f} evaluations"
+    yield Row("d1", SOLVE, OURS, seconds, residual, note=note)
+
+
+def _many(case: Case, cells: int, repeats: int) -> Iterator[Row]:
+    """Requests around one posture, a step of up to 2 mm away."""
+    m, q = case.start()
+    rng, n = np.random.default_rng(0), cells**2
+    inputs = m.input_values(q) + STEP * rng.uniform(-1.0, 1.0, (n, len(m.inputs)))
+    found = cc.direct(m, inputs, q)
+    poses = np.array([pin.SE3ToXYZQUAT(m.pose(one)) for one in found.q])
+    back = cc.inverse(m, poses, q)
+    if not (found.good and back.good):
+        raise AssertionError(f"{m.name}: requests were not met")
+    calls = {"direct": lambda: cc.direct(m, inputs, q), "inverse": lambda: cc.inverse(m, poses, q)}
+    residuals = {"direct": found.residual, "inverse": back.residual}
+    for name, call in calls.items():
+        seconds = least(call, repeats) / n
+        yield Row(case.robot, MANY[name], OURS, seconds, float(residuals[name].max()))
+
+
+def _cells(field: Field, cells: int, repeats: int) -> Iterator[Row]:
+    chart, values = grid(field, cells)
+    m, bulk = chart.mechanism, bulk_measures(chart.mechanism)
+    reached, q = filled(chart, values)
+    count = int(reached.sum())
+    residual = float(bulk.measures(q[reached])["residual"].max())
 
     def cell() -> None:
         found, at = filled(chart, values)
         bulk.measures(np.ascontiguousarray(at[found]))
 
-    ours = best(cell, repeats) / len(postures)
-    note = f"{1e9 * ours:.0f} ns a cell, {len(postures)} of {reached.size} cells reached"
-    yield Row("d1", CELL, OURS, ours, residual, note=note)
-    begin = time.process_time()
-    walked, at = walk(chart, values)
-    loop_measures(m, at[walked])
-    theirs = (time.process_time() - begin) / len(postures)
-    if not np.array_equal(walked, reached):
-        raise AssertionError("the machine code and the Python loop reach different cells")
-    yield Row("d1", CELL, LOOP, theirs, residual)
+    ours = least(cell, repeats) / count
+    about = f"{' x '.join(field.names)}, {count} of {reached.size} cells"
+    yield Row(field.robot, CELL, OURS, ours, residual, note=about)
+    axes = field.axes(chart, cells)
+
+    def whole() -> None:
+        cc.singularity_map(m, axes, progress=False, workers=1)
+
+    whole()
+    yield Row(field.robot, PUBLIC, OURS, least(whole, repeats) / count, note="labelled arrays")
+    if field is FIELDS[0]:
+        walked, at = walk(chart, values)
+        theirs = least(lambda: loop_measures(m, walk(chart, values)[1][walked]), 1) / count
+        if not np.array_equal(walked, reached) or at.shape != q.shape:
+            raise AssertionError("the machine code and the Python loop reach different cells")
+        yield Row(field.robot, CELL, LOOP, theirs, residual)
 
 
-def best(work: Callable[[], object], repeats: int) -> float:
-    """Least processor time of ``work()``."""
-    times = []
-    for _ in range(repeats):
-        begin = time.process_time()
-        work()
-        times.append(time.process_time() - begin)
-    return min(times)
+def grid(field: Field, cells: int) -> tuple[Chart, np.ndarray]:
+    """Chart of a map, and the values of its cells (*shape, k)."""
+    chart = chart_of(cc.load(field.robot), list(field.names))
+    axes = field.axes(chart, cells).values()
+    return chart, np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
 
 
 def filled(chart: Chart, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -6,12 +6,13 @@ It has no call for the Jacobian of a loop, so each pair of points costs two. Nee
 from __future__ import annotations
 
 import numpy as np
+import pinocchio as pin
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import JacobianWrtVariable
 
 import closedchain as cc
-from benchmarks.following import gauss_newton
+from benchmarks.following import gauss_newton, tip_rows
 from benchmarks.mjcf import mjcf, point_pairs
 
 
@@ -50,6 +51,7 @@ class Drake:
         velocities = [j.velocity_start() for j in inputs]
         self.passive = np.setdiff1d(np.arange(self.plant.num_velocities()), velocities)
         self.tip_frame = frame(m.required_task().tip)
+        self.outputs = m.outputs()
         self.plant.SetPositions(self.context, self.q)
 
     def evaluate(self) -> tuple[np.ndarray, np.ndarray]:
@@ -65,6 +67,11 @@ class Drake:
             )
         return np.concatenate(gaps)[:, 0], np.concatenate(rows)
 
+    def _move(self, v: np.ndarray) -> None:
+        self.q += self.plant.MapVelocityToQDot(self.context, v)
+        self._normalise()
+        self.plant.SetPositions(self.context, self.q)
+
     def step(self, target: np.ndarray) -> None:
         self.q[self.input_q] = target
         self.plant.SetPositions(self.context, self.q)
@@ -76,11 +83,25 @@ class Drake:
 
         def move(x: np.ndarray) -> None:
             v[self.passive] = x
-            self.q += self.plant.MapVelocityToQDot(self.context, v)
-            self._normalise()
-            self.plant.SetPositions(self.context, self.q)
+            self._move(v)
 
         gauss_newton(passive, move)
+
+    def reach(self, target: pin.SE3) -> None:
+        plant, context, world = self.plant, self.context, self.plant.world_frame()
+
+        def everything() -> tuple[np.ndarray, np.ndarray]:
+            gaps, jacobian = self.evaluate()
+            pose = self.tip_frame.CalcPoseInWorld(context)
+            here = pin.SE3(pose.rotation().matrix(), pose.translation())
+            both = plant.CalcJacobianSpatialVelocity(
+                context, JacobianWrtVariable.kV, self.tip_frame, np.zeros(3), world, world
+            )  # angular, then linear
+            both = np.concatenate([both[3:], both[:3]])
+            values, rows = tip_rows(self.outputs, target, here, both)
+            return np.concatenate([gaps, values]), np.concatenate([jacobian, rows])
+
+        gauss_newton(everything, self._move)
 
     def _normalise(self) -> None:
         for body in map(self.plant.get_body, self.plant.GetFloatingBaseBodies()):

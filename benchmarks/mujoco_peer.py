@@ -7,9 +7,10 @@ from __future__ import annotations
 
 import mujoco
 import numpy as np
+import pinocchio as pin
 
 import closedchain as cc
-from benchmarks.following import gauss_newton
+from benchmarks.following import gauss_newton, tip_rows
 from benchmarks.mjcf import mjcf, point_pairs
 
 
@@ -33,6 +34,8 @@ class MuJoCo:
         self.input_q = self.model.jnt_qposadr[inputs]
         self.passive = np.setdiff1d(np.arange(self.model.nv), self.model.jnt_dofadr[inputs])
         self.tip_body = self.model.body(m.required_task().tip).id
+        self.outputs = m.outputs()
+        self.tip_jacobian = np.zeros((6, self.model.nv))
 
     def evaluate(self) -> tuple[np.ndarray, np.ndarray]:
         """Gaps (rows,) [m] and their Jacobian (rows, nv)."""
@@ -54,6 +57,18 @@ class MuJoCo:
             mujoco.mj_integratePos(self.model, self.data.qpos, v, 1.0)
 
         gauss_newton(passive, move)
+
+    def reach(self, target: pin.SE3) -> None:
+        data, tip, both = self.data, self.tip_body, self.tip_jacobian
+
+        def everything() -> tuple[np.ndarray, np.ndarray]:
+            gaps, jacobian = self.evaluate()
+            mujoco.mj_jacBody(self.model, data, both[:3], both[3:], tip)
+            here = pin.SE3(data.xmat[tip].reshape(3, 3), data.xpos[tip])
+            values, rows = tip_rows(self.outputs, target, here, both)
+            return np.concatenate([gaps, values]), np.concatenate([jacobian, rows])
+
+        gauss_newton(everything, lambda x: mujoco.mj_integratePos(self.model, data.qpos, x, 1.0))
 
     def residual(self) -> float:
         return float(np.abs(self.evaluate()[0]).max())

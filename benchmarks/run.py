@@ -1,7 +1,8 @@
-"""Benchmarks: median times on one thread beside named peers in the same run, with versions.
+"""Benchmarks: processor time on one core beside named peers in the same run, with versions.
 
 Run by ``make bench``. Ratios carry over between machines; times do not. Peers other than SciPy are
-optional: ``pip install closedchain[bench]`` brings MuJoCo, ``pip install drake`` Drake.
+optional: ``pip install closedchain[bench]`` brings MuJoCo, ``pip install drake`` Drake. placo runs
+in a Python of its own that ``PLACO_PYTHON`` names.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ import argparse
 import json
 import os
 import platform
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import asdict
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -20,22 +22,50 @@ os.environ.update(dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1"
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks import batch
-from benchmarks.cases import CASES, OURS, map_rate, rows
-from benchmarks.timing import Row
+from benchmarks import batch, cases, cold, sets, stacks
+from benchmarks.placo_peer import installed
+from benchmarks.timing import OURS, Row
+from closedchain.robots.catalogue import robots
 
-PACKAGES = ("closedchain", "pin", "numpy", "scipy", "mujoco", "drake")
+PACKAGES = ("closedchain", "pin", "numpy", "scipy", "llvmlite", "mujoco", "drake")
+TITLE = "Processor time on one core: least of several repeats where a note does not say otherwise"
 
 
 def versions() -> dict[str, str]:
-    """Version of Python and of every package that is timed."""
-    found = {"python": platform.python_version()}
+    """Processor, and version of Python and of every package that is timed."""
+    found = {"processor": processor(), "python": platform.python_version()}
     for name in PACKAGES:
         try:
             found[name] = version(name)
         except PackageNotFoundError:
             found[name] = "not installed"
-    return found
+    return found | {"placo": installed()}
+
+
+def processor() -> str:
+    """Model of the processor, and how busy the machine is."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+        model = next(line.split(":")[1].strip() for line in lines if line.startswith("model name"))
+    except (OSError, StopIteration):
+        model = platform.processor() or platform.machine()
+    return f"{model} ({os.cpu_count()} cores, load {os.getloadavg()[0]:.1f})"
+
+
+SECTIONS: dict[str, Callable[[argparse.Namespace], Iterable[Row]]] = {
+    "calls": lambda o: (row for case in cases.CASES for row in cases.rows(case, o.repeats)),
+    "batch": lambda o: batch.rows(o.cells),
+    "sets": lambda o: sets.rows(o.cells, o.surveys),
+    "cold": lambda o: cold.rows(("d1", "linear_delta"), 5),
+    "stacks": lambda o: stacks.rows(o.stacks, min(o.cells, 25)),
+}
+"""Parts of a run, each a function of the options."""
+
+
+def measure(options: argparse.Namespace) -> Iterator[Row]:
+    """Every row of the sections that are asked for."""
+    for name in options.sections:
+        yield from SECTIONS[name](options)
 
 
 def report(measured: list[Row]) -> dict[str, object]:
@@ -51,38 +81,47 @@ def report(measured: list[Row]) -> dict[str, object]:
 
 def table(measured: list[dict[str, object]]) -> Table:
     """Rows of ``report`` as a table."""
-    out = Table(title="Median of one call, one thread")
+    out = Table(title=TITLE)
     for column in ("robot", "work", "tool"):
         out.add_column(column)
-    for column in ("time [us]", "/ ours", "largest residual", "tip error [m]"):
+    for column in ("time", "/ ours", "largest residual", "tip error [m]"):
         out.add_column(column, justify="right")
-    formats = (("seconds", "{:.1f}", 1e6), ("ratio", "{:.2f}", 1.0))
-    errors = (("residual", "{:.0e}", 1.0), ("tip_error", "{:.0e}", 1.0))
     for r in measured:
         numbers = [
-            "" if r[key] is None else text.format(scale * float(r[key]))  # type: ignore[arg-type]
-            for key, text, scale in (*formats, *errors)
+            "" if r[key] is None else say(float(r[key]))  # type: ignore[arg-type]
+            for key, say in (
+                ("seconds", duration),
+                ("ratio", "{:.2g}".format),
+                ("residual", "{:.0e}".format),
+                ("tip_error", "{:.0e}".format),
+            )
         ]
         tool = f"{r['tool']}: {r['note']}" if r["note"] else str(r["tool"])
         out.add_row(str(r["robot"]), str(r["work"]), tool, *numbers)
     return out
 
 
-def measure(repeats: int, cells: int) -> list[Row]:
-    """Every row; no map and no bulk work for ``cells`` 0."""
-    measured = [row for case in CASES for row in rows(case, repeats)]
-    return [*measured, *batch.rows(cells), map_rate(cells)] if cells else measured
+def duration(seconds: float) -> str:
+    """Three digits and a unit."""
+    scale, unit = next(u for u in UNITS if seconds < 999.5 * u[0] or u is UNITS[-1])
+    return f"{seconds / scale:#.3g} {unit}"
+
+
+UNITS = ((1e-9, "ns"), (1e-6, "us"), (1e-3, "ms"), (1.0, "s"))
 
 
 def main() -> None:
     """Measure, print the table, and write it as JSON where asked to."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--repeats", type=int, default=2000, help="calls of fast functions")
-    parser.add_argument("--cells", type=int, default=60, help="map cells along an axis, 0 for none")
+    parser.add_argument("--cells", type=int, default=61, help="map cells along an axis")
+    parser.add_argument("--surveys", nargs="*", default=robots(), help="robots to survey")
+    parser.add_argument("--stacks", nargs="*", type=int, default=(1, 2, 4, 8, 16))
+    parser.add_argument("--sections", nargs="*", choices=SECTIONS, default=tuple(SECTIONS))
     parser.add_argument("--json", type=Path, help="also write the rows to this file")
     options = parser.parse_args()
-    found = report(measure(options.repeats, options.cells))
-    console = Console(width=120)
+    found = report(list(measure(options)))
+    console = Console(width=140)
     console.print(table(found["rows"]))  # type: ignore[arg-type]
     console.print(", ".join(f"{k} {v}" for k, v in versions().items()))
     if options.json is not None:
