@@ -202,6 +202,11 @@ class JointKind:
         return 6 - self.rows
 
     @property
+    def holds_point(self) -> bool:
+        """Whether its first three rows hold frame 2's origin in frame 1's."""
+        return self.equations[:3] == (Slide(X), Slide(Y), Slide(Z))
+
+    @property
     def translational(self) -> tuple[bool, ...]:
         """Which rows are lengths; the others are angles."""
         return tuple(row.is_length for row in self.equations)

@@ -241,7 +241,7 @@ class Kinematics:
         sizes = {name: size / length for name, size in closure.sizes.items()}
         values, wrenches = kind.values(p, r, sizes), kind.wrenches(p, r, sizes)
         world = [(matvec(a, f), matvec(a, m)) for f, m in wrenches]
-        if self.upright and values[:3] == p:
+        if self.upright and kind.holds_point:
             # a held point: its three rows turned into the world's axes
             one, zero = self.graph.constant(1.0), self.graph.constant(0.0)
             axes = [[one if r == c else zero for c in range(3)] for r in range(3)]

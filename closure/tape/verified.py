@@ -12,7 +12,6 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from closedchain.closure.closures import Closure
-from closedchain.closure.joint_kinds import Slide
 from closedchain.closure.mechanism import Mechanism
 from closedchain.closure.solve.samples import closed_samples
 from closedchain.closure.tape.expression import Expr
@@ -111,11 +110,7 @@ def _upright(m: Mechanism, values: np.ndarray, jacobian: np.ndarray) -> None:
     """Turn rows that hold a point into the world's axes; joint placements are up to date."""
     begin = 0
     for closure in m.closures:
-        if (
-            isinstance(closure, Closure)
-            and all(isinstance(row, Slide) for row in closure.joint_kind.equations[:3])
-            and closure.rows >= 3
-        ):
+        if isinstance(closure, Closure) and closure.joint_kind.holds_point:
             three = slice(begin, begin + 3)
             turn = (m.workspace.data.oMi[closure.joint1] * closure.placement1).rotation
             values[three], jacobian[three] = turn @ values[three], turn @ jacobian[three]
