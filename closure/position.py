@@ -12,10 +12,10 @@ from numpy.typing import ArrayLike
 from closedchain.closure.branchless import anywhere, closed_near, not_closed
 from closedchain.closure.constraints import flipped_axes
 from closedchain.closure.generic import dimensionless_jacobian, generic_ranks
-from closedchain.closure.mechanism import Mechanism
+from closedchain.closure.mechanism import LARGEST_SQUARE, Mechanism
 from closedchain.closure.nearest import beyond_limits, limit_note
 from closedchain.closure.ranks import null_space, numerical_rank
-from closedchain.closure.solution import Solution, Solutions
+from closedchain.closure.solution import Solution, Solutions, found_on_branch
 from closedchain.closure.solve.control import CLOSED
 from closedchain.closure.solve.outcome import Ending
 from closedchain.closure.solve.path import Follower, Single, Way, follower_of
@@ -27,7 +27,7 @@ from closedchain.urdf.errors import ClosureError
 
 LIMIT_TOLERANCE = 1e-9
 ARRIVED = Ending.ARRIVED.code
-DRIVEN = "driven"
+DRIVEN, POSED = "driven", "posed"
 
 
 def direct(
@@ -62,7 +62,7 @@ def direct(
     if not mechanism.inputs:
         raise ClosureError(f"mechanism {mechanism.name!r} has no inputs (<transmission> elements)")
     problem = mechanism.known.get(DRIVEN) or driven(mechanism)
-    if not isinstance(input_values, Mapping) and np.ndim(input_values) == 2:
+    if _is_table(input_values):
         end = mechanism.input_rows(input_values, "input values")
         return _many(problem, end, guess)
     end = mechanism.input_vector(input_values, "input values")
@@ -122,18 +122,17 @@ def inverse(
     ClosureError
         No task, malformed pose, outputs or guess.
     """
-    names = mechanism.outputs(outputs)
-    tip = mechanism.required_task().tip
-    problem = problem_of(mechanism, (), ((tip, names),))
+    problem = posed(mechanism, outputs)
     if not isinstance(pose, pin.SE3):
         return _many(problem, _poses(pose), guess)
     end = pin.SE3ToXYZQUAT(pose)
-    if not np.isfinite(end).all():
+    if not end.dot(end) < LARGEST_SQUARE and not np.isfinite(end).all():
         raise ClosureError(f"pose must be a pin.SE3 of finite numbers, got {pose!r}")
     start = mechanism.home if guess is None else mechanism.configuration(guess)
     found = follower_of(problem).alone(start, None, end)
     if _fine(found):
         return _solution(problem, found)
+    tip, names = mechanism.required_task().tip, mechanism.outputs(outputs)
     system = System(mechanism, np.arange(mechanism.model.nv), (goal(mechanism, tip, pose, names),))
     found, start = _again(problem, system, start, end, found)
     if _good(found) and found.facing >= 0.0:
@@ -150,6 +149,32 @@ def driven(mechanism: Mechanism) -> Problem:
     pinned = tuple(int(v) for v in mechanism.input_v)
     found: Problem = mechanism.known.setdefault(DRIVEN, problem_of(mechanism, pinned))
     return found
+
+
+def posed(
+    mechanism: Mechanism, outputs: str | tuple[str, ...] | list[str] | None = None
+) -> Problem:
+    """Problem with the tip's pose prescribed in some outputs, those of the task by default.
+
+    Raises
+    ------
+    ClosureError
+        No task, unknown outputs.
+    """
+    key = POSED, tuple(outputs) if isinstance(outputs, list) else outputs
+    found: Problem | None = mechanism.known.get(key)
+    if found is None:
+        names = mechanism.outputs(outputs)
+        goals = ((mechanism.required_task().tip, names),)
+        found = mechanism.known.setdefault(key, problem_of(mechanism, (), goals))
+    return found
+
+
+def _is_table(values: object) -> bool:
+    """Whether it has two axes, as many at once have."""
+    if type(values) is np.ndarray:
+        return values.ndim == 2
+    return not isinstance(values, Mapping) and np.ndim(values) == 2  # type: ignore[arg-type]
 
 
 def _fine(found: Single) -> bool:
@@ -193,6 +218,11 @@ def _pinned(mechanism: Mechanism, q: np.ndarray, values: np.ndarray) -> np.ndarr
 
 
 def _solution(problem: Problem, found: Single) -> Solution:
+    if found.sense >= 0.0 and found.beyond >= -LIMIT_TOLERANCE:
+        side = _side(problem, found.det)
+        return found_on_branch(
+            found.q, found.residual, found.evaluations, side, problem.jacobian_at
+        )
     mechanism = problem.mechanism
     beyond = beyond_limits(mechanism, found.q) if found.beyond < -LIMIT_TOLERANCE else ()
     message = f"closed to {found.residual:.1e} on the branch of the guess{limit_note(beyond)}"
@@ -251,9 +281,7 @@ def _contradiction(mechanism: Mechanism, start: np.ndarray, end: np.ndarray) -> 
 
 def _side(problem: Problem, det: float) -> int | None:
     """Sign of a determinant, where there is one: all rows kept, as many as unknowns."""
-    if problem.redundant or not problem.square:
-        return None
-    return -1 if det < 0.0 else 1
+    return (-1 if det < 0.0 else 1) if problem.sided else None
 
 
 def _many(problem: Problem, end: np.ndarray, guess: ArrayLike | None) -> Solutions:
@@ -271,15 +299,15 @@ def _many(problem: Problem, end: np.ndarray, guess: ArrayLike | None) -> Solutio
     codes[arrived & ~(told[0] < CLOSED)] = Ending.CONTRADICTION.code
     codes[arrived & (told[1] < 0.0)] = Ending.MIRRORED.code
     codes[arrived & (told[2] < 0.0)] = Ending.REVERSED.code
-    square = problem.square and not problem.redundant
     return Solutions(
         q=way.q,
         residual=told[0],
-        branch=np.sign(way.det).astype(int) * int(square),
+        branch=np.sign(way.det).astype(int) * int(problem.sided),
         codes=codes,
         reached=way.reached,
         evaluations=int(way.evaluations.sum()),
         within=told[3],
+        iterations=way.evaluations,
     )
 
 

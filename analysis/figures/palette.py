@@ -65,6 +65,10 @@ MEASURES = {
 }
 
 
+KEPT_BESIDE = ("status", "ends", "q")
+"""Variables of a map that are no measures."""
+
+
 def measure_of(data: xr.Dataset, name: str) -> Measure:
     """The measure of that name, which the map must have.
 
@@ -73,15 +77,25 @@ def measure_of(data: xr.Dataset, name: str) -> Measure:
     ClosureError
         Unknown measure, or one that this map has not.
     """
+    others = [str(n) for n in data.data_vars if n not in MEASURES and n not in KEPT_BESIDE]
+    if name in others and data[name].dims == data["status"].dims:
+        return _other(data, name)
     if name not in MEASURES:
-        raise ClosureError(known_names(name, "measure", MEASURES))
+        raise ClosureError(known_names(name, "measure", [*MEASURES, *others]))
     if name not in data:
-        there = [m for m in MEASURES if m in data]
+        there = [m for m in (*MEASURES, *others) if m in data]
         raise ClosureError(
             f"the map over {' x '.join(map(str, data['status'].dims))} has no {name!r} (its matrix "
             f"is not square there); it has {', '.join(there)}"
         )
     return MEASURES[name]
+
+
+def _other(data: xr.Dataset, name: str) -> Measure:
+    """How a measure that is not of the table is drawn: by its own words and the sign it takes."""
+    words, unit = data[name].attrs.get("long_name", name), data[name].attrs.get("units", "")
+    label = f"{words} [{unit}]" if unit and unit != "1" else str(words)
+    return Measure(label, None, "signed" if float(data[name].min(skipna=True)) < 0.0 else "zero")
 
 
 def colour_range(values: np.ndarray, scale: str) -> tuple[np.ndarray, dict[str, Any], str]:
