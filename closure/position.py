@@ -63,7 +63,7 @@ def direct(
         raise ClosureError(f"mechanism {mechanism.name!r} has no inputs (<transmission> elements)")
     problem = mechanism.known.get(DRIVEN) or driven(mechanism)
     if _is_table(input_values):
-        end = mechanism.input_rows(input_values, "input values")
+        end = mechanism.input_rows(np.asarray(input_values), "input values")
         return _many(problem, end, guess)
     end = mechanism.input_vector(input_values, "input values")
     start = mechanism.home if guess is None else mechanism.configuration(guess)
