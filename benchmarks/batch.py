@@ -21,11 +21,11 @@ from closedchain.analysis.singularity.bulk.measuring import bulk_measures
 from closedchain.analysis.singularity.classify import determinants
 from closedchain.closure.chart import Chart
 from closedchain.closure.charting import chart_of, straight
-from closedchain.closure.continuation import follow
-from closedchain.closure.equations import correct
 from closedchain.closure.nearest import beyond_limits
 from closedchain.closure.position import driven
+from closedchain.closure.solve.continuation import follow
 from closedchain.closure.solve.flood import ARRIVED, Block, flood
+from closedchain.closure.solve.newton import correct
 from closedchain.closure.solve.path import follower_of
 from closedchain.closure.task import task_jacobian
 
@@ -201,7 +201,7 @@ def loop_measures(m: cc.Mechanism, postures: np.ndarray) -> None:
 
 
 def walk(chart: Chart, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The same as ``filled`` by ``closure.continuation``."""
+    """The same as ``filled`` by ``closure.solve.continuation``."""
     m, shape = chart.mechanism, values.shape[:-1]
     seen = np.zeros(shape, dtype=bool)
     reached, q = seen.copy(), np.zeros((*shape, m.model.nq))

@@ -12,11 +12,11 @@ from closedchain.closure.mechanism import Mechanism
 from closedchain.closure.nearest import beyond_limits, limit_note, open_closure
 from closedchain.closure.solution import Solution
 from closedchain.closure.solve.control import CLOSED
+from closedchain.closure.solve.descend import Descent, descend
 from closedchain.closure.solve.outcome import Ending
 from closedchain.closure.solve.problem import Problem
 from closedchain.closure.solve.system import System
 from closedchain.closure.task import Goal, faces_away
-from closedchain.closure.trust_region import Descent, descend
 
 RESTARTS = 12
 

@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from closedchain.closure.chart import TILTS, Chart, joint_names
-from closedchain.closure.continuation import At as Path
-from closedchain.closure.continuation import follow
-from closedchain.closure.equations import Rows, correct
 from closedchain.closure.mechanism import Mechanism
 from closedchain.closure.position import direct
 from closedchain.closure.ranks import numerical_rank
+from closedchain.closure.solve.continuation import At as Path
+from closedchain.closure.solve.continuation import follow
+from closedchain.closure.solve.newton import Rows, correct
 from closedchain.closure.solve.system import System
 from closedchain.urdf.description import OUTPUTS
 from closedchain.urdf.errors import ClosureError, known_names

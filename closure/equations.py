@@ -1,42 +1,20 @@
-"""The equations that a position solver drives to zero: closures, then goals, dimensionless.
+"""The equations of a mechanism by Pinocchio: closures, then goals, dimensionless.
 
 Rows are divided and columns multiplied by the mechanism's units (``length`` or 1), so that ranks,
-steps and determinants mean the same for lengths and angles.
+steps and determinants mean the same for lengths and angles. ``closure.solve.system`` has the same
+from machine code; here nothing need be known of the mechanism but its model, as when it is loaded.
 """
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Protocol
 
 import numpy as np
 import pinocchio as pin
 
 from closedchain.closure.mechanism import Mechanism
-from closedchain.closure.solve.factors import Factors, Range
 from closedchain.closure.task import Goal, goal_rows
-
-RESIDUAL_TOLERANCE = 1e-12
-"""Largest row [m or rad] of a posture that counts as closed."""
-
-
-class Rows(Protocol):
-    """Equations at postures: ``Equations``, or ``closure.solve.system.System``."""
-
-    @property
-    def row_scale(self) -> np.ndarray:
-        """Unit of each row, (rows,)."""
-
-    def evaluate(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Residual (rows,) [m, rad] and dimensionless Jacobian (rows, unknowns)."""
-
-    def residual(self, q: np.ndarray) -> np.ndarray:
-        """Residual (rows,) [m, rad] alone."""
-
-    def move(self, q: np.ndarray, step: np.ndarray) -> np.ndarray:
-        """Posture after a dimensionless step (unknowns,)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,95 +64,3 @@ class Equations:
         v[self.free] = step * self.mechanism.column_scale[self.free]
         q = pin.integrate(self.mechanism.model, q, v)
         return q if self.within is None else np.clip(q, *self.within)
-
-
-@dataclass(frozen=True, eq=False)
-class Corrected:
-    """Outcome of Newton's method from nearby: the posture, or why it was refused.
-
-    ``branch`` is the sign of the determinant at the last Jacobian, None for systems that are not
-    square; ``factors`` are those of that Jacobian.
-    """
-
-    q: np.ndarray
-    residual: float
-    branch: int | None
-    evaluations: int
-    factors: Factors | Range | None = None
-    refusal: str | None = None
-
-
-FIRST_STEP = 0.5  # dimensionless: half the characteristic length, or half a radian
-CONTRACTION = 0.3  # of successive steps: what Newton's method shows well inside its basin
-QUADRATIC = 1e-6  # a step this small leaves an error at rounding level
-ITERATIONS = 12
-
-
-def correct(
-    equations: Rows,
-    q: np.ndarray,
-    branch: int | None = None,
-    chord: Factors | Range | None = None,
-) -> Corrected:
-    """Newton's method from a nearby posture that must not change branch.
-
-    Refuses when the first step is large, when steps do not shrink fast, when the system is
-    singular, or when the sign of its determinant differs from ``branch`` (where it is not square:
-    when its Jacobian is far from that of ``chord``): in each case the basin of another solution
-    may be near. With ``chord``, factors from nearby, the first step costs a residual only.
-    """
-    last_step, count = FIRST_STEP, 0
-    if chord is not None:
-        count = 1
-        step = chord.step(equations.residual(q) / equations.row_scale)
-        size = math.sqrt(step @ step)
-        if not size <= last_step:
-            return Corrected(q, math.inf, chord.sign, count, refusal="step")
-        last_step = max(CONTRACTION * size, 1e-14)
-        q = equations.move(q, step)
-    factors: Factors | Range | None = None
-    sign = None
-    while count < ITERATIONS:
-        count += 1
-        values, matrix = equations.evaluate(q)
-        scaled = values / equations.row_scale
-        if not matrix.size:
-            closed = largest(values)
-            return Corrected(
-                q, closed, 1, count, refusal=None if closed < RESIDUAL_TOLERANCE else "step"
-            )
-        if matrix.shape[0] != matrix.shape[1]:
-            factors = Range.of(matrix)
-            if isinstance(chord, Range) and chord.left_by(factors):
-                return Corrected(q, largest(values), None, count, factors, "far")
-        else:
-            factors = Factors.of(matrix)
-            sign = factors.sign
-            if sign == 0 or sign == -(branch or 0):
-                why = "sign" if sign else "singular"
-                return Corrected(q, largest(values), sign, count, factors, why)
-        step = factors.step(scaled)
-        size = math.sqrt(step @ step)
-        closed = largest(values)
-        if size < QUADRATIC and closed < 0.1 * RESIDUAL_TOLERANCE:
-            return Corrected(q, closed, sign, count, factors)
-        if not size <= last_step:
-            # below this size steps are rounding: a closed posture does not get any better
-            rounding = size < 1e-9 and closed < RESIDUAL_TOLERANCE
-            return Corrected(q, closed, sign, count, factors, None if rounding else "step")
-        last_step = max(CONTRACTION * size, 1e-14)
-        q = equations.move(q, step)
-        if size < QUADRATIC:
-            # the error left is of the order of size^2: one look at the residual settles it
-            closed = largest(equations.residual(q))
-            if closed < 0.1 * RESIDUAL_TOLERANCE:
-                return Corrected(q, closed, sign, count, factors)
-    return Corrected(q, closed, sign, count, factors, "slow")
-
-
-def largest(values: np.ndarray) -> float:
-    """Largest absolute entry; 0 for none."""
-    if not values.size:
-        return 0.0
-    size = np.abs(values)
-    return float(size[size.argmax()])

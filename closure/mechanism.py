@@ -225,8 +225,11 @@ class Mechanism:
             numbers = array.tolist()
             for start in self._quaternions:
                 x, y, z, w = numbers[start : start + 4]
-                norm = math.sqrt(x * x + y * y + z * z + w * w)
-                if abs(norm - 1.0) > QUATERNION_TOLERANCE:
+                square = x * x + y * y + z * z + w * w
+                if abs(square - 1.0) > QUATERNION_TOLERANCE:  # half of that would still do
+                    norm = math.sqrt(square)
+                    if abs(norm - 1.0) <= QUATERNION_TOLERANCE:
+                        continue
                     raise ClosureError(
                         f"q[{start}:{start + 4}] is a quaternion (x y z w) of norm {norm:.6g}; it "
                         "must be 1 (integrate with pin.integrate, never add to q)"
@@ -247,7 +250,7 @@ class Mechanism:
 
     def input_vector(self, values: ArrayLike | Mapping[str, float], what: str) -> np.ndarray:
         """Check one number per input, given in order or by name. Raises ``ClosureError``."""
-        if isinstance(values, Mapping):
+        if type(values) is not np.ndarray and isinstance(values, Mapping):
             for name in values:
                 if name not in self.inputs:
                     raise ClosureError(known_names(str(name), "input", self.inputs))

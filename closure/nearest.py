@@ -10,12 +10,13 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from closedchain.closure.constraints import flipped_axes, gaps
-from closedchain.closure.equations import RESIDUAL_TOLERANCE, Equations
+from closedchain.closure.equations import Equations
 from closedchain.closure.mechanism import Mechanism, finite_vector
 from closedchain.closure.ranks import null_space
 from closedchain.closure.solution import Solution
+from closedchain.closure.solve.control import CLOSED
+from closedchain.closure.solve.descend import Descent, descend
 from closedchain.closure.task import Goal, goal
-from closedchain.closure.trust_region import Descent, descend
 from closedchain.urdf.errors import ClosureError, known_names
 
 LIMIT_TOLERANCE = 1e-9
@@ -69,7 +70,7 @@ def close(
     if beyond_limits(mechanism, found.q):
         clipped = replace(equations, within=mechanism.limits)
         inside = descend(clipped, np.clip(q, *mechanism.limits))
-        if inside.residual <= max(found.residual, RESIDUAL_TOLERANCE):
+        if inside.residual <= max(found.residual, CLOSED):
             equations, found = clipped, inside
     if found.closed:
         found = _approach(equations, found, q)
@@ -238,12 +239,12 @@ def _report(equations: Equations, found: Descent, points: Mapping[str, ArrayLike
         message = f"closes only with a mirrored joint: closure {', '.join(flipped)}"
     elif found.closed:
         message = f"closed to {found.residual:.1e}"
-    elif loops.size and np.abs(loops).max() >= RESIDUAL_TOLERANCE:
+    elif loops.size and np.abs(loops).max() >= CLOSED:
         message = f"does not close: {open_closure(mechanism, loops)}"
     else:
         extra = np.abs(found.values[mechanism.rows :]).max()
         message = f"the placed bodies cannot be reached: off by {extra:.3g}"
-    if off and max(off) > RESIDUAL_TOLERANCE:
+    if off and max(off) > CLOSED:
         message += f"; fitted points remain off by up to {max(off):.3g} m"
     return Solution(
         q=found.q,

@@ -12,7 +12,7 @@ from closedchain.closure.equations import Equations
 from closedchain.closure.mechanism import Mechanism
 from closedchain.closure.nearest import beyond_limits
 from closedchain.closure.ranks import Rank, null_space
-from closedchain.closure.trust_region import descend
+from closedchain.closure.solve.descend import descend
 from closedchain.urdf.errors import ClosureError
 
 STRIDE = 0.2  # largest entry of a stride in the tangent space, lengths over ``length``

@@ -9,9 +9,9 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
-from closedchain.closure.continuation import follow
-from closedchain.closure.equations import correct
+from closedchain.closure.solve.continuation import follow
 from closedchain.closure.solve.control import LONGEST, MOST
+from closedchain.closure.solve.newton import correct
 from closedchain.closure.solve.problem import POSE, Problem
 from closedchain.closure.solve.system import System
 from closedchain.closure.task import goal

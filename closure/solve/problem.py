@@ -172,6 +172,11 @@ class Problem:
         """Whether there are rows beside the kept ones."""
         return len(self.kept) < self.units.size
 
+    @cached_property
+    def sided(self) -> bool:
+        """Whether a determinant's sign tells sides apart: all rows kept, as many as unknowns."""
+        return self.square and not self.redundant
+
 
 def problem_of(
     mechanism: Mechanism,

@@ -9,7 +9,7 @@ import pinocchio as pin
 
 from closedchain.closure.equations import Equations
 from closedchain.closure.mechanism import Mechanism
-from closedchain.closure.trust_region import descend
+from closedchain.closure.solve.descend import descend
 
 COUNT = 8
 SPREAD = 0.15  # dimensionless standard deviation of the guesses around home

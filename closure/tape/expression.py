@@ -254,16 +254,12 @@ class Expr:
     def min(self, other: Number) -> Expr:
         """Return the smaller of two."""
         other = self.graph.lift(other)
-        return (
-            self if self == other else self.graph.node("min", *sorted((self.index, other.index)))
-        )
+        return self if self == other else self.graph.node("min", *sorted((self.index, other.index)))
 
     def max(self, other: Number) -> Expr:
         """Return the larger of two."""
         other = self.graph.lift(other)
-        return (
-            self if self == other else self.graph.node("max", *sorted((self.index, other.index)))
-        )
+        return self if self == other else self.graph.node("max", *sorted((self.index, other.index)))
 
     # -- truth values, for control on the tape -----------------------------------------------------
 

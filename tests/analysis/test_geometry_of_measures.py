@@ -16,9 +16,9 @@ from stewart import stewart
 import closedchain as cc
 from closedchain.analysis.singularity.maps.measures import measures_at
 from closedchain.closure.generic import generic_ranks
-from closedchain.closure.solve.samples import closed_samples
 from closedchain.closure.joint_rates import physical_rates
 from closedchain.closure.loading import mechanism_from_description
+from closedchain.closure.solve.samples import closed_samples
 from closedchain.urdf import description as written
 
 SAME = 1e-9

@@ -12,8 +12,8 @@ from conftest import Tolerances, assert_close
 import closedchain as cc
 from closedchain.analysis.motion.self_motion.motion import SelfMotion, self_motion
 from closedchain.closure.charting import chart_of, straight
-from closedchain.closure.continuation import follow
-from closedchain.closure.equations import correct
+from closedchain.closure.solve.continuation import follow
+from closedchain.closure.solve.newton import correct
 from closedchain.robots.d1 import (
     Pose,
     geometry,

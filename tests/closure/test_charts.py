@@ -12,8 +12,8 @@ from conftest import Tolerances, assert_close
 import closedchain as cc
 from closedchain.closure.chart import Chart, joint_index, joint_names
 from closedchain.closure.charting import chart_of, coordinate_names, straight
-from closedchain.closure.continuation import follow
-from closedchain.closure.equations import correct
+from closedchain.closure.solve.continuation import follow
+from closedchain.closure.solve.newton import correct
 
 
 def moved(chart: Chart, values: Sequence[float]) -> np.ndarray:

@@ -15,9 +15,9 @@ import closedchain as cc
 from closedchain.closure.chart import Chart
 from closedchain.closure.charting import chart_of, straight
 from closedchain.closure.constraints import flipped_axes
-from closedchain.closure.continuation import follow
-from closedchain.closure.equations import correct
+from closedchain.closure.solve.continuation import follow
 from closedchain.closure.solve.flood import ARRIVED, FOLD, LIMIT, UNTRIED, Block, flood
+from closedchain.closure.solve.newton import correct
 from closedchain.closure.solve.outcome import Ending
 from closedchain.closure.solve.path import follower_of
 from closedchain.closure.solve.search import search

@@ -18,8 +18,9 @@ from small_linkages import (
 )
 
 import closedchain as cc
-from closedchain.closure.equations import Equations, correct
+from closedchain.closure.equations import Equations
 from closedchain.closure.solve.factors import Range
+from closedchain.closure.solve.newton import correct
 
 # -- four-bar -------------------------------------------------------------------------------------
 

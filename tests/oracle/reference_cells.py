@@ -1,4 +1,4 @@
-"""Maps a second time, slowly: Pinocchio, ``closure.continuation`` and LAPACK, cell after cell.
+"""Maps a second time, slowly: Pinocchio, continuation and LAPACK, cell after cell.
 
 No tests here. ``ReferenceCells`` stands in the place of ``maps.cells.Cells``.
 """
@@ -17,13 +17,13 @@ from closedchain.analysis.singularity.maps.measures import measures_at, oriented
 from closedchain.closure.chart import Chart
 from closedchain.closure.charting import straight
 from closedchain.closure.constraints import flipped_axes
-from closedchain.closure.continuation import Followed, follow
-from closedchain.closure.equations import Corrected, correct
 from closedchain.closure.nearest import beyond_limits
+from closedchain.closure.solve.continuation import Followed, follow
+from closedchain.closure.solve.descend import descend
+from closedchain.closure.solve.newton import Corrected, correct
 from closedchain.closure.solve.outcome import Ending
 from closedchain.closure.solve.search import Searched
 from closedchain.closure.task import faces_away
-from closedchain.closure.trust_region import descend
 
 SMALLEST_STEP = 1e-4  # share of a cell; a fold is located better than this when it is polished
 DESCENT = 60  # evaluations of one start

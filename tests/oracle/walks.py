@@ -1,4 +1,4 @@
-"""Postures, and grids filled by walking with ``closure.continuation``. No tests here."""
+"""Postures, and grids filled by walking with ``closure.solve.continuation``. No tests here."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ import pinocchio as pin
 import closedchain as cc
 from closedchain.closure.chart import Chart
 from closedchain.closure.charting import straight
-from closedchain.closure.continuation import follow
-from closedchain.closure.equations import correct
 from closedchain.closure.nearest import beyond_limits
+from closedchain.closure.solve.continuation import follow
+from closedchain.closure.solve.newton import correct
 
 UNSEEN, OK, JOINT_LIMIT = -1, 0, 3
 
@@ -48,7 +48,7 @@ def cells(chart: Chart, half: float, count: int) -> np.ndarray:
 
 
 def walk(chart: Chart, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Reach a block from its middle with ``closure.continuation``: what ``flood`` does."""
+    """Reach a block from its middle with ``closure.solve.continuation``: what ``flood`` does."""
     m, shape = chart.mechanism, values.shape[:-1]
     status = np.full(shape, UNSEEN, dtype=np.int8)
     q = np.zeros((*shape, m.model.nq))

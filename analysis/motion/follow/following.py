@@ -18,8 +18,9 @@ from closedchain.analysis.motion.follow.whole_path import optimise
 from closedchain.analysis.progress import reporting
 from closedchain.analysis.singularity.maps.grid import Progress
 from closedchain.closure.constraints import gaps
-from closedchain.closure.equations import Equations, correct
+from closedchain.closure.equations import Equations
 from closedchain.closure.mechanism import Mechanism
+from closedchain.closure.solve.newton import correct
 from closedchain.urdf.errors import ClosureError, known_names
 
 Method = Literal["gradient", "path"]

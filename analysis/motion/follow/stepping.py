@@ -21,8 +21,10 @@ from closedchain.analysis.motion.follow.postures import Posture, posture
 from closedchain.analysis.motion.follow.problem import Problem
 from closedchain.analysis.singularity.classify import SINGULAR
 from closedchain.analysis.singularity.maps.grid import Progress
-from closedchain.closure.continuation import follow as continued
-from closedchain.closure.equations import RESIDUAL_TOLERANCE, Corrected, Equations, correct
+from closedchain.closure.equations import Equations
+from closedchain.closure.solve.continuation import follow as continued
+from closedchain.closure.solve.control import CLOSED
+from closedchain.closure.solve.newton import Corrected, correct
 from closedchain.closure.solve.outcome import Ending
 from closedchain.closure.task import faces_away
 
@@ -128,7 +130,7 @@ def begin(problem: Problem, locks: dict[str, float], start: np.ndarray) -> Postu
         message = "not to be begun from the start posture: no branch through it"
         return Blocked(time, message, Ending.SINGULAR_START)
     way = continued(at, opened, _SHORTEST, 0.25)
-    if way.refusal is not None or way.last.residual > RESIDUAL_TOLERANCE:
+    if way.refusal is not None or way.last.residual > CLOSED:
         return Blocked(
             time,
             f"the first sample is not reached from the start posture: the way there ends after "
@@ -193,7 +195,7 @@ def corrected(
     pose = problem.route.sample(sample)
     anchor = problem.moved(here.q, here.basis @ z)
     closed = correct(problem.held(pose, anchor, here.basis), anchor)
-    if closed.refusal is not None or closed.residual > RESIDUAL_TOLERANCE:
+    if closed.refusal is not None or closed.residual > CLOSED:
         return None
     found = posture(problem, closed.q, closed.residual, here.basis if before is None else before)
     return None if found.crossed_from(here) else found

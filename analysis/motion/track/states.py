@@ -16,9 +16,10 @@ import pinocchio as pin
 
 from closedchain.analysis.motion.track.demands import Demand, Linear
 from closedchain.analysis.motion.track.routes import Prescribed, Route
-from closedchain.closure.continuation import follow
-from closedchain.closure.equations import Corrected, Equations
+from closedchain.closure.equations import Equations
+from closedchain.closure.solve.continuation import follow
 from closedchain.closure.solve.factors import Factors, Range, factorise
+from closedchain.closure.solve.newton import Corrected
 from closedchain.closure.solve.outcome import Ending
 
 SMALLEST = 1e-9  # share of the longest step: the shortest one

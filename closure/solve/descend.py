@@ -10,8 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from closedchain.closure.equations import RESIDUAL_TOLERANCE, Rows
 from closedchain.closure.ranks import RANK_TOLERANCE
+from closedchain.closure.solve.control import CLOSED
+from closedchain.closure.solve.newton import Rows
 
 OPEN = 1e-16  # squared scaled residual below which a posture may still be closing
 
@@ -33,7 +34,7 @@ class Descent:
     @property
     def closed(self) -> bool:
         """Whether the residual is below the tolerance."""
-        return self.residual < RESIDUAL_TOLERANCE
+        return self.residual < CLOSED
 
 
 def descend(

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from closedchain.closure.equations import Corrected, Rows, correct
 from closedchain.closure.solve.factors import Factors, Range
+from closedchain.closure.solve.newton import Corrected, Rows, correct
 
 SMALLEST_STEP = 1e-6
 
