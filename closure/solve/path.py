@@ -168,7 +168,7 @@ class Follower:
         )
         _, longest = self._target(lane, share(lane.state))
         decision = judge(lane.state, change, longest, lane.parameters[-1])
-        return looped(lane.tape(decision, lane.trial, lane.new), self.states)
+        return looped(lane.tape(decision, lane.trial, lane.new), self.states, single=False)
 
     @property
     def kernel(self) -> int:

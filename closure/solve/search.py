@@ -102,7 +102,7 @@ class Descent:
         state = best + [running.select(new, old) for new, old in zip(tries, trial, strict=True)]
         state += [running.select(after[n], names[n]) for n in STATE]
         goes = running & (status < 0.0)
-        return looped(g.tape([*state, goes], first + problem.prescribed), first)
+        return looped(g.tape([*state, goes], first + problem.prescribed), first, single=False)
 
     def run(self, q: np.ndarray, targets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Descend from postures (n, nq) at targets (n, prescribed).

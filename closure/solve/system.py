@@ -128,4 +128,4 @@ def _code(mechanism: Mechanism, goals: Components) -> Code:
     values = [unit * value for unit, value in zip(rows.units, rows.values, strict=True)]
     tape = k.graph.tape([*values, *(entries[r][v] for r, v in places)], nq + POSE * len(goals))
     where = np.array(places, dtype=int).reshape(-1, 2)
-    return Code(compiled(tape), (where[:, 0], where[:, 1]), np.array(rows.units))
+    return Code(compiled(tape, lanes=1), (where[:, 0], where[:, 1]), np.array(rows.units))

@@ -2,7 +2,8 @@
 
 Postures are taken in blocks of L lanes. A block is copied into memory of the call, row by row, and
 its results are copied out; a last block that is not full repeats its last posture, and a single
-posture left over goes through the code for one lane. Nothing is shared between calls.
+posture left over goes through the code for one lane, where there is some. Nothing is shared between
+calls.
 """
 
 from __future__ import annotations
@@ -35,13 +36,16 @@ class Memory:
     scratch: int
 
 
-def batch(memory: Memory, lanes: int) -> str:
+def batch(memory: Memory, widths: tuple[int, ...]) -> str:
     """Text of ``run(x, y, n, step_x, step_y)``: every posture of a batch.
 
-    Row k of x is at x + 8 k step_x, and so for y. ``y`` must not overlap ``x``.
+    Row k of x is at x + 8 k step_x, and so for y. ``y`` must not overlap ``x``. There is code for
+    each of ``widths``: for the lanes of a block, and for one lane unless only blocks are asked for.
     """
-    sizes = (memory.inputs, memory.outputs, memory.scratch)
+    sizes, lanes = (memory.inputs, memory.outputs, memory.scratch), widths[0]
     direct = """
+  %alone = icmp eq i64 %n, 1
+  br i1 %alone, label %one, label %apart
 one:
   %plain_x = icmp eq i64 %step_x, 1
   %plain_y = icmp eq i64 %step_y, 1
@@ -50,6 +54,7 @@ one:
 direct:
   call void @body_1(ptr %x, ptr %x, ptr %y, ptr %m2)
   br label %done"""
+    blind = "\n  br label %apart"
     inner = [
         f"""
   call void @take_W(ptr %m0, ptr %from, i64 %step_x, i64 {memory.inputs}, i64 %count)
@@ -57,7 +62,7 @@ direct:
   call void @give_W(ptr %to, ptr %m1, i64 %step_y, i64 {memory.outputs}, i64 %count)""".replace(
             "_W", f"_{w}"
         )
-        for w in (lanes, 1)
+        for w in widths
     ]
     head = "define void @run(ptr %x, ptr %y, i64 %n, i64 %step_x, i64 %step_y) nounwind {"
     places = """
@@ -66,10 +71,7 @@ direct:
     return (
         head
         + allocated(sizes, lanes)
-        + """
-  %alone = icmp eq i64 %n, 1
-  br i1 %alone, label %one, label %apart"""
-        + direct
+        + (direct if 1 in widths else blind)
         + blocks("apart", lanes, places, inner)
         + released(sizes, lanes)
         + "\n}"
@@ -78,17 +80,17 @@ direct:
     )
 
 
-def loop(memory: Memory, lanes: int) -> str:
+def loop(memory: Memory, widths: tuple[int, ...]) -> str:
     """Text of ``loop(s, p, n, step_s, step_p, most)``: the body repeated on states in place.
 
     The body's outputs are the new state and whether the lane still runs. A block is finished when
-    none of its lanes runs, or after ``most`` repetitions.
+    none of its lanes runs, or after ``most`` repetitions. ``widths`` as for ``batch``.
     """
-    states = memory.inputs
+    states, lanes = memory.inputs, widths[0]
     sizes = (states + 1, states + 1, memory.parameters, memory.scratch)
     inner = [
         ticking(states, memory.parameters, w).replace("_W", f"_{w}").replace("#", mark)
-        for w, mark in ((lanes, "_wide"), (1, "_lone"))
+        for w, mark in zip(widths, ("_wide", "_lone"), strict=False)
     ]
     head = (
         "define void @loop(ptr %s, ptr %p, i64 %n, i64 %step_s, i64 %step_p, i64 %most) nounwind {"
@@ -163,7 +165,15 @@ leave#:
 
 
 def blocks(entry: str, lanes: int, places: str, inner: list[str]) -> str:
-    """Go over the postures in blocks of ``lanes``, and one by itself where one is left."""
+    """Go over the postures in blocks of ``lanes``, and one by itself where one is left.
+
+    ``inner`` is what to do with a block and, if there is code for one lane, with one by itself.
+    """
+    split = "label %wide"
+    narrow = ""
+    if len(inner) > 1:
+        split = "i1 %lone, label %narrow, label %wide"
+        narrow = f"\nnarrow:{inner[1]}\n  br label %tail"
     return f"""
 {entry}:
   br label %head
@@ -176,11 +186,9 @@ block:{places}
   %full = icmp sge i64 %left, {lanes}
   %count = select i1 %full, i64 {lanes}, i64 %left
   %lone = icmp eq i64 %count, 1
-  br i1 %lone, label %narrow, label %wide
+  br {split}
 wide:{inner[0]}
-  br label %tail
-narrow:{inner[1]}
-  br label %tail
+  br label %tail{narrow}
 tail:
   %next = add i64 %k, {lanes}
   br label %head"""

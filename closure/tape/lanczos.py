@@ -102,4 +102,4 @@ class Lanczos:
         after = [*new, *z, *([] if weight is None else dual), left]
         after += [*diagonal[1:], share, *beside[1:], left]  # type: ignore[list-item]
         inputs = self.states + parameters
-        return looped(g.tape([*after, share < share + 1.0], inputs), self.states)
+        return looped(g.tape([*after, share < share + 1.0], inputs), self.states, single=False)

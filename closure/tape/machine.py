@@ -158,8 +158,11 @@ class Looped:
         return [*places, n, step(state), step(parameters), int(most)]
 
 
-def compiled(tape: Tape, lanes: int = 0) -> Compiled:
+def compiled(tape: Tape, lanes: int = 0, single: bool = True) -> Compiled:
     """Machine code for a tape, in as many lanes as the machine has unless told otherwise.
+
+    There is code for one lane as well, for single postures, unless ``single`` is False: it takes
+    half as long to make then, and single postures about as long as a block.
 
     Raises
     ------
@@ -170,15 +173,15 @@ def compiled(tape: Tape, lanes: int = 0) -> Compiled:
     if tape.count() > LIMIT:
         kernel = Kernel(interpreter.batch(tape), 1, False)
     else:
-        kernel = machine_code(tape, None, lanes)
+        kernel = machine_code(tape, None, lanes, single)
     return Compiled(tape.inputs, len(tape.outputs), kernel)
 
 
-def looped(tape: Tape, state: int, lanes: int = 0) -> Looped:
+def looped(tape: Tape, state: int, lanes: int = 0, single: bool = True) -> Looped:
     """Machine code that repeats a tape.
 
     The tape's inputs are ``state`` numbers of state and then the parameters; its outputs are the
-    new state and, last, the truth value whether it runs on.
+    new state and, last, the truth value whether it runs on. Lanes as for ``compiled``.
 
     Raises
     ------
@@ -195,20 +198,21 @@ def looped(tape: Tape, state: int, lanes: int = 0) -> Looped:
     if tape.count() > LIMIT:
         kernel = Kernel(interpreter.loop(tape, state), 1, False)
     else:
-        kernel = machine_code(tape, state, lanes)
+        kernel = machine_code(tape, state, lanes, single)
     return Looped(state, tape.inputs - state, kernel)
 
 
-def machine_code(tape: Tape, state: int | None, lanes: int) -> Kernel:
+def machine_code(tape: Tape, state: int | None, lanes: int, single: bool) -> Kernel:
     """Kernel of machine code, from disk where it is known; a loop where ``state`` is given."""
     here = native.host()
     lanes = lanes or here.lanes
-    what = repr((tape.nodes, tape.outputs, tape.inputs, state, lanes, PIECE))
+    widths = (lanes, 1) if single or lanes == 1 else (lanes,)
+    what = repr((tape.nodes, tape.outputs, tape.inputs, state, widths, PIECE))
     made_by = generator()
     name = cache.key(made_by, repr(here), what) if made_by else ""
     objects = cache.read(name) if name else None
     if objects is None:
-        objects = native.object_code(text(tape, state, lanes))
+        objects = native.object_code(text(tape, state, widths))
         if name:
             cache.write(name, objects)
     code = native.loaded(objects)
@@ -231,11 +235,11 @@ def generator() -> str:
     return digest.hexdigest()
 
 
-def text(tape: Tape, state: int | None, lanes: int) -> str:
-    """LLVM text of a tape for one lane and for ``lanes``, and what runs it over postures."""
+def text(tape: Tape, state: int | None, widths: tuple[int, ...]) -> str:
+    """LLVM text of a tape for numbers of lanes, the widest first, and what runs it."""
     program = lowered(tape, PIECE)
     head = tape.inputs if state is None else state
     memory = drivers.Memory(head, len(tape.outputs), tape.inputs - head, program.rows)
     driver = drivers.batch if state is None else drivers.loop
-    bodies = [body(program, head, native.host().shape(w)) for w in sorted({1, lanes})]
-    return "\n".join([driver(memory, lanes), *bodies])
+    bodies = [body(program, head, native.host().shape(w)) for w in sorted(set(widths))]
+    return "\n".join([driver(memory, widths), *bodies])

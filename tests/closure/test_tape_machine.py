@@ -284,7 +284,7 @@ def test_large_memory_comes_from_the_heap(monkeypatch: pytest.MonkeyPatch) -> No
     a = 1.0 + np.arange(21.0)[None]
     monkeypatch.setattr(drivers, "STACK", 64)
     monkeypatch.setattr(machine, "PIECE", 9)
-    assert "@malloc(i64" in machine.text(tape, None, 4).split("declare")[0]
+    assert "@malloc(i64" in machine.text(tape, None, (4, 1)).split("declare")[0]
     assert same_bits(machine.compiled(tape).run(x), on_stack)
     machine.looped(root_tape(), 2).run(roots, a, 50)
     assert np.allclose(roots[0] ** 2, a, rtol=1e-13)

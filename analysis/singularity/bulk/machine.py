@@ -49,7 +49,7 @@ class NamedTape:
             begins[name] = slice(at, at + len(expressions))
             at += len(expressions)
         flat = [e for expressions in outputs.values() for e in expressions]
-        return cls(compiled(graph.tape(flat, inputs)), begins)
+        return cls(compiled(graph.tape(flat, inputs), single=False), begins)
 
     def run(self, x: np.ndarray) -> Numbers:
         """Evaluate at (inputs, n)."""

@@ -76,7 +76,7 @@ def ritz_matrix(graph: Graph, begin: int, steps: int) -> Tridiagonal:
 def ritz_code(steps: int) -> Compiled:
     """Squared size of a Ritz vector from its value and the tridiagonal matrix."""
     g = Graph()
-    return compiled(g.tape([ritz_matrix(g, 1, steps).spread(g.input(0))], 2 * steps))
+    return compiled(g.tape([ritz_matrix(g, 1, steps).spread(g.input(0))], 2 * steps), single=False)
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,4 +133,4 @@ class Search:
             further = sought & further
             flags.append(further.select(1.0, 0.0))
             running = running | further
-        return looped(g.tape([*values, *flags, running], begin), self.states)
+        return looped(g.tape([*values, *flags, running], begin), self.states, single=False)
