@@ -37,6 +37,9 @@ from closedchain.analysis.structure.mobility import generic_rank
 from closedchain.closure.mechanism import Mechanism
 from closedchain.closure.solve.factors import Factors
 
+Combine = np.ndarray | None
+"""Combinations (r, rows) of closure rows; None where all rows count as they are."""
+
 Borders = tuple[np.ndarray, np.ndarray]
 """b (short side, corank) and c (long side, e + corank)."""
 
@@ -78,20 +81,20 @@ class Measure:
         """The measure of a loss of so many ranks."""
         return replace(self, corank=corank)
 
-    def values(self, at: Postures, combine: np.ndarray) -> np.ndarray:
+    def values(self, at: Postures, combine: Combine) -> np.ndarray:
         """Singular values of the matrix at a posture, falling."""
         return np.asarray(np.linalg.svd(self.matrix(at, combine), compute_uv=False))
 
-    def matrix(self, at: Postures, combine: np.ndarray) -> np.ndarray:
+    def matrix(self, at: Postures, combine: Combine) -> np.ndarray:
         """Matrix (rows, columns) at a posture."""
-        closures = combine @ at.closures
+        closures = at.closures if combine is None else combine @ at.closures
         if self.kind == "direct":
             return np.asarray(closures[..., self.mechanism.passive_v])
         if self.kind == "constraint":
             return np.asarray(closures)
         return np.concatenate([closures, at.task], axis=-2)
 
-    def borders(self, at: Postures, combine: np.ndarray) -> Borders:
+    def borders(self, at: Postures, combine: Combine) -> Borders:
         """Singular vectors of the matrix at a posture: the borders that are best nearby."""
         matrix = self.matrix(at, combine)
         if matrix.shape[-2] > matrix.shape[-1]:
@@ -101,7 +104,7 @@ class Measure:
         return u[..., first:], vt[..., first:, :].swapaxes(-1, -2)
 
     def evaluate(
-        self, q: np.ndarray, at: Postures, combine: np.ndarray, borders: Borders
+        self, q: np.ndarray, at: Postures, combine: Combine, borders: Borders
     ) -> tuple[np.ndarray, np.ndarray]:
         """Corner g (codimension,) and its derivative (codimension, nv), dimensionless.
 
@@ -111,30 +114,39 @@ class Measure:
         matrix = self.matrix(at, combine)
         transposed = matrix.shape[-2] > matrix.shape[-1]
         g, w, v = corner(matrix.swapaxes(-1, -2) if transposed else matrix, borders)
+        if q.ndim == 1 and g.size == 1:
+            left, right = (v[:, 0], w[:, 0]) if transposed else (w[:, 0], v[:, 0])
+            return g[0], -self._slopes(q, combine, left, right)[None]
         # one combination of rows with one of columns for each entry of g, that of w first
         pairs = [(a, i) for a in range(w.shape[-1]) for i in range(v.shape[-1])]
         rows = np.stack([w[..., a] for a, _ in pairs], axis=-2)
         columns = np.stack([v[..., i] for _, i in pairs], axis=-2)
         left, right = (columns, rows) if transposed else (rows, columns)
-        slopes = self._slopes(q, combine, left, right)
+        some = (*rows.shape[:-1], q.shape[-1])
+        many = np.broadcast_to(q[..., None, :], some).reshape(-1, q.shape[-1])
+        if combine is not None and combine.ndim == 3:
+            combine = np.repeat(combine, len(pairs), axis=0)
+        flat = (part.reshape(len(many), -1) for part in (left, right))
+        slopes = self._slopes(many, combine, *flat).reshape(*some[:-1], -1)
         return g.reshape(*g.shape[:-2], -1), -slopes
 
     def _slopes(
-        self, q: np.ndarray, combine: np.ndarray, left: np.ndarray, right: np.ndarray
+        self, q: np.ndarray, combine: Combine, left: np.ndarray, right: np.ndarray
     ) -> np.ndarray:
-        """Derivatives (j, nv) of left^T A right for j rows of ``left`` and of ``right``, held."""
-        r, nv = combine.shape[-2], self.mechanism.model.nv
-        some, closures = left.shape[:-1], self.mechanism.rows
-        full = np.zeros((*some, closures + len(self.outputs)))
-        full[..., :closures] = left[..., :r] @ combine
-        full[..., closures : closures + left.shape[-1] - r] = left[..., r:]
+        """Derivative (nv,) of left^T A right, both held; of many postures, each with its own."""
+        r, closures = generic_rank(self.mechanism), self.mechanism.rows
+        full = np.zeros((*q.shape[:-1], closures + len(self.outputs)))
+        if combine is None:
+            full[..., :closures] = left[..., :r]
+        else:
+            full[..., :closures] = (left[..., None, :r] @ combine)[..., 0, :]
+        if self.kind == "inverse":
+            full[..., closures:] = left[..., r:]
         along = right
         if self.kind == "direct":
-            along = np.zeros((*some, nv))
+            along = np.zeros((*q.shape[:-1], self.mechanism.model.nv))
             along[..., self.mechanism.passive_v] = right
-        x = np.broadcast_to(q[..., None, :], (*some, q.shape[-1]))
-        flat = [part.reshape(-1, part.shape[-1]) for part in (x, full, along)]
-        return self.code.slopes(*flat).reshape(*some, nv)
+        return self.code.slopes(q, full, along)
 
 
 def corner(matrix: np.ndarray, borders: Borders) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -9,12 +9,12 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from closedchain.analysis.singularity.sets.postures_at import on
+from closedchain.analysis.singularity.sets.postures_at import OnTape
 from closedchain.closure.chart import TILTS, Chart
 from closedchain.closure.mechanism import Mechanism
 from closedchain.closure.tape.derivative import forward
 from closedchain.closure.tape.expression import Expr
-from closedchain.closure.tape.machine import Compiled, compiled
+from closedchain.closure.tape.machine import compiled
 from closedchain.closure.tape.rows import Kinematics, kinematics
 from closedchain.closure.tape.vectors import Matrix, add, dot, matmul, rotation, scale
 from closedchain.urdf.description import OUTPUTS
@@ -52,7 +52,7 @@ class ChartRows:
         """
         chart, some = self.chart, q.shape[:-1]
         rows, nv = len(chart.joints) + len(chart.outputs), chart.mechanism.model.nv
-        numbers = on(self._code, np.concatenate([q, coordinates], axis=-1))
+        numbers = self._code(q, coordinates)
         first, second = rows, rows + rows * nv
         return (
             numbers[..., :first],
@@ -61,7 +61,7 @@ class ChartRows:
         )
 
     @cached_property
-    def _code(self) -> Compiled:
+    def _code(self) -> OnTape:
         chart, model = self.chart, self.chart.mechanism.model
         k = kinematics(chart.mechanism)
         g, zero = k.graph, k.graph.constant(0.0)
@@ -82,7 +82,7 @@ class ChartRows:
         by_c = [forward(g, values, {model.nq + i: u}) for i, u in enumerate(units)]
         out = values + [x for row in by_q for x in row]
         out += [column[i] for i in range(len(values)) for column in by_c]
-        return compiled(g.tape(out, model.nq + len(c)))
+        return OnTape(compiled(g.tape(out, model.nq + len(c))))
 
     def _target(self, k: Kinematics, c: Sequence[Expr]) -> tuple[Matrix, list[Expr]]:
         """Pose of the tip, its origin in lengths, for x y z and three rotation coordinates."""

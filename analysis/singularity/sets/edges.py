@@ -187,7 +187,7 @@ def _solved(square: np.ndarray, values: np.ndarray) -> np.ndarray:
 
 
 def _some(frame: Frame, which: np.ndarray) -> Frame:
-    combine = frame.combine if frame.combine.ndim == 2 else frame.combine[which]
+    combine = None if frame.combine is None else frame.combine[which]
     return Frame(combine, tuple((b[which], c[which]) for b, c in frame.borders))
 
 

@@ -5,6 +5,8 @@ All from machine code, for one posture or for many at once.
 
 from __future__ import annotations
 
+import threading
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from weakref import WeakKeyDictionary
@@ -52,7 +54,7 @@ class FirstOrderCode:
     def at(self, q: np.ndarray) -> Postures:
         """Closures and task at ``q`` (nq,) or (n, nq), unchecked."""
         rows, nv, some = self.mechanism.rows, self.mechanism.model.nv, q.shape[:-1]
-        numbers = on(self._matrices, q)
+        numbers = self._matrices(q)
         first, second = rows, rows + rows * nv
         return Postures(
             numbers[..., :first],
@@ -65,19 +67,19 @@ class FirstOrderCode:
 
         Along dimensionless steps in Pinocchio's v; of many postures, each with its own.
         """
-        return on(self._slopes, np.concatenate([q, left, right], axis=-1))
+        return self._slopes(q, left, right)
 
     def rates(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """P (n, k, nv) and the tip's motions (n, 6, nv) at postures (n, nq), dimensionless.
 
         P as ``closure.joint_rates.physical_rates``; motions along the world's axes.
         """
-        nv, numbers = self.mechanism.model.nv, on(self._rates, q)
+        nv, numbers = self.mechanism.model.nv, self._rates(q)
         both = numbers.reshape(len(q), -1, nv)
         return both[:, :-6], both[:, -6:]
 
     @cached_property
-    def _rates(self) -> Compiled:
+    def _rates(self) -> OnTape:
         k = kinematics(self.mechanism)
         g, nv = k.graph, self.mechanism.model.nv
         zero, one = g.constant(0.0), g.constant(1.0)
@@ -88,19 +90,19 @@ class FirstOrderCode:
         ]
         rows += k.task(self.mechanism.required_task().tip, range(6))
         dense = [row.get(v, zero) for row in map(k.own, rows) for v in range(nv)]
-        return compiled(g.tape(dense, self.mechanism.model.nq))
+        return OnTape(compiled(g.tape(dense, self.mechanism.model.nq)))
 
     @cached_property
-    def _matrices(self) -> Compiled:
+    def _matrices(self) -> OnTape:
         k, rows, task = self._written()
         zero = k.graph.constant(0.0)
         nv = self.mechanism.model.nv
         dense = [row.get(v, zero) for row in rows + task for v in range(nv)]
         verify(self.mechanism, self.outputs)
-        return compiled(k.graph.tape([*k.closures.values, *dense], self.mechanism.model.nq))
+        return OnTape(compiled(k.graph.tape([*k.closures.values, *dense], self.mechanism.model.nq)))
 
     @cached_property
-    def _slopes(self) -> Compiled:
+    def _slopes(self) -> OnTape:
         k, rows, task = self._written()
         g, nq, nv = k.graph, self.mechanism.model.nq, self.mechanism.model.nv
         every = rows + task
@@ -110,7 +112,7 @@ class FirstOrderCode:
             for weight, row in zip(left, every, strict=True)
         )
         by_q = gradient(g, g.lift(product), range(nq))
-        return compiled(g.tape(along_motions(k, by_q), nq + len(every) + nv))
+        return OnTape(compiled(g.tape(along_motions(k, by_q), nq + len(every) + nv)))
 
     def _written(self) -> tuple[Kinematics, list[Entries], list[Entries]]:
         k = kinematics(self.mechanism, upright=False)  # K is then the derivative of open rows, too
@@ -121,11 +123,37 @@ class FirstOrderCode:
         return k, [k.own(row) for row in k.closures.entries], [k.own(row) for row in task]
 
 
-def on(code: Compiled, x: np.ndarray) -> np.ndarray:
-    """Outputs (outputs,) of a tape for (inputs,), or (n, outputs) for (n, inputs)."""
-    if x.ndim == 1:
-        return code.run(x[:, None])[:, 0]
-    return code.run(np.ascontiguousarray(x.T)).T
+class OnTape:
+    """A compiled tape on inputs in parts, for one posture or for many."""
+
+    def __init__(self, code: Compiled) -> None:
+        """Prepare single postures."""
+        self._code = code
+        self._alone = _Alone(code)
+
+    def __call__(self, *parts: np.ndarray) -> np.ndarray:
+        """Outputs (outputs,) for parts (k,), or (n, outputs) for parts (n, k)."""
+        if parts[0].ndim == 1:
+            return self._alone.run(parts)
+        x = np.concatenate([part.T for part in parts])
+        return self._code.run(x).T
+
+
+class _Alone(threading.local):
+    """Memory for one posture at a time, its own in every thread."""
+
+    def __init__(self, code: Compiled) -> None:
+        x, out = np.zeros((code.inputs, 1)), np.empty((code.outputs, 1))
+        self._x, self._out, self._call = x[:, 0], out[:, 0], code.bound(x, out)
+
+    def run(self, parts: Sequence[np.ndarray]) -> np.ndarray:
+        begin = 0
+        for part in parts:
+            end = begin + part.size
+            self._x[begin:end] = part
+            begin = end
+        self._call()
+        return self._out.copy()
 
 
 def along_motions(k: Kinematics, by_q: list[Expr]) -> list[Expr]:

@@ -12,7 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
-from closedchain.analysis.singularity.sets.bordered import Borders, Measure
+from closedchain.analysis.singularity.sets.bordered import Borders, Combine, Measure
 from closedchain.analysis.singularity.sets.chart_rows import SliceRows
 from closedchain.analysis.singularity.sets.postures_at import (
     FirstOrderCode,
@@ -35,7 +35,7 @@ class Frame:
     has its own.
     """
 
-    combine: np.ndarray
+    combine: Combine
     borders: tuple[Borders, ...]
 
 
@@ -131,9 +131,8 @@ class Slice:
 
     def _frame(self, at: Postures) -> Frame:
         r = generic_rank(self.mechanism)
-        if r == self.mechanism.rows and not self.unfold:
-            combine = np.eye(r)
-        else:
+        combine = None
+        if r < self.mechanism.rows or self.unfold:
             combine = np.linalg.svd(at.closures)[0][..., :r].swapaxes(-1, -2)
         return Frame(combine, tuple(m.borders(at, combine) for m in self.measures))
 
@@ -172,19 +171,24 @@ class Slice:
     def evaluate(self, z: np.ndarray, frame: Frame) -> tuple[np.ndarray, np.ndarray]:
         """Residual (rows,) and Jacobian (rows, nv + k), dimensionless."""
         q, nv, at = self.posture(z), self.mechanism.model.nv, self.at(z)
-        kept = frame.combine.shape[-2] - self._unfolded
-        closures = frame.combine[..., :kept, :]
-        values = [(closures @ at.residual[..., None])[..., 0]]
-        rows = [closures @ at.closures]
+        if frame.combine is None:
+            values, rows = [at.residual], [at.closures]
+        else:
+            closures = frame.combine[..., : frame.combine.shape[-2] - self._unfolded, :]
+            values = [(closures @ at.residual[..., None])[..., 0]]
+            rows = [closures @ at.closures]
         coordinates, by_q, by_c = self._rows.at(q, self.coordinates(z))
         for measure, borders in zip(self.measures, frame.borders, strict=True):
             g, gradient = measure.evaluate(q, at, frame.combine, borders)
             values.append(g)
             rows.append(gradient)
-        above = np.concatenate(rows, axis=-2)
-        first, count = above.shape[-2], coordinates.shape[-1]
+        first, count = sum(part.shape[-2] for part in rows), coordinates.shape[-1]
         jacobian = np.zeros((*z.shape[:-1], first + count, self.size))
-        jacobian[..., :first, :nv] = above
+        begin = 0
+        for part in rows:
+            end = begin + part.shape[-2]
+            jacobian[..., begin:end, :nv] = part
+            begin = end
         jacobian[..., first:, :nv], jacobian[..., first:, nv:] = by_q, by_c
         return np.concatenate([*values, coordinates], axis=-1), jacobian
 
