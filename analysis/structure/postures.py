@@ -8,11 +8,11 @@ from numpy.typing import ArrayLike
 
 from closedchain.analysis.first_order import first_order
 from closedchain.closure.constraints import flipped_axes
-from closedchain.closure.equations import Equations
 from closedchain.closure.mechanism import Mechanism
 from closedchain.closure.nearest import beyond_limits
 from closedchain.closure.ranks import Rank, null_space
 from closedchain.closure.solve.descend import descend
+from closedchain.closure.solve.system import System
 from closedchain.urdf.errors import ClosureError
 
 STRIDE = 0.2  # largest entry of a stride in the tangent space, lengths over ``length``
@@ -70,7 +70,7 @@ def _stride(
     """One stride as nearly along ``heading`` as the loops allow; elsewhere where it fails."""
     model, scale = mechanism.model, mechanism.column_scale
     basis, _ = tangent(mechanism, q)
-    equations = Equations(mechanism, np.arange(model.nv))
+    equations = System(mechanism, np.arange(model.nv))
     length = STRIDE
     for attempt in range(TRIES):
         along = basis @ (basis.T @ heading)

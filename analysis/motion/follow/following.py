@@ -18,9 +18,9 @@ from closedchain.analysis.motion.follow.whole_path import optimise
 from closedchain.analysis.progress import reporting
 from closedchain.analysis.singularity.maps.grid import Progress
 from closedchain.closure.constraints import gaps
-from closedchain.closure.equations import Equations
 from closedchain.closure.mechanism import Mechanism
 from closedchain.closure.solve.newton import correct
+from closedchain.closure.solve.system import System
 from closedchain.urdf.errors import ClosureError, known_names
 
 Method = Literal["gradient", "path"]
@@ -154,5 +154,5 @@ def _closed(mechanism: Mechanism, start: ArrayLike) -> np.ndarray:
             f"the start posture is not closed: closure {name} is open by {gap:.3g}; close it first "
             "(cc.close, cc.direct or cc.inverse)"
         )
-    better = correct(Equations(mechanism, np.arange(mechanism.model.nv)), q)
+    better = correct(System(mechanism, np.arange(mechanism.model.nv)), q)
     return q if better.refusal is not None else better.q

@@ -7,8 +7,9 @@ and the joint rates P depend on the posture. Along a path of postures, with u = 
     sigma' = u^T S' x - sigma (P x)^T P' x - mu^T K' x,   K^T mu = S^T u - sigma P^T P x,
 
 by Lagrange's rule: mu exists, since the right side vanishes on all closed motions, and what is left
-free of it, in redundant rows, meets no K' x. Locked inputs are left out of the columns. K', J' and
-P' along the null motion are central differences of the exact matrices, which no basis enters.
+free of it, in redundant rows, meets no K' x. Locked inputs are left out of the columns. The terms
+with K' and J' are exact, from machine code; P' along the null motion is a central difference of the
+exact P, which no basis enters.
 """
 
 from __future__ import annotations
@@ -21,9 +22,9 @@ from closedchain.analysis.first_order import FirstOrder, first_order
 from closedchain.analysis.motion.follow.problem import Problem
 from closedchain.analysis.singularity.classify import SINGULAR
 from closedchain.analysis.singularity.rank_loss import ClosedMotions, closed_motions, entry
+from closedchain.analysis.singularity.sets.postures_at import first_order_code
 from closedchain.analysis.structure.mobility import generic_rank
 from closedchain.closure.generic import generic_ranks
-from closedchain.closure.joint_rates import physical_rates
 from closedchain.closure.ranks import rank_of_singular_values
 
 KEPT = 3
@@ -139,7 +140,8 @@ class Measures:
 def measured(problem: Problem, q: np.ndarray) -> Measures:
     """Measure a closed posture. Raises ``ClosureError`` for an open one."""
     m, d = problem.mechanism, len(problem.outputs)
-    at, rates = first_order(m, q, problem.outputs), physical_rates(m, q)
+    at = first_order(m, q, problem.outputs)
+    rates = first_order_code(m, problem.outputs).rates(q[None])[0][0]
     generic = generic_ranks(m, problem.outputs)
     every = _space(at, rates, np.arange(m.model.nv))
     driven = _space(at, rates, problem.free) if problem.locked else every
@@ -167,16 +169,12 @@ def null_motions(problem: Problem, here: Measures) -> np.ndarray:
 
 def slopes(problem: Problem, here: Measures, basis: np.ndarray) -> np.ndarray:
     """Derivatives (w, k) of ``here.values`` along dimensionless motions ``basis`` (free, k)."""
-    found = np.zeros((here.values.size, basis.shape[1]))
-    for column, motion in enumerate(basis.T):
-        turned = _derivatives(problem, here.at.q, motion)
-        found[:, column] = np.concatenate(
-            [
-                _changes(here, here.every, here.direct, turned),
-                _changes(here, here.driven, here.inverse, turned),
-            ]
-        )
-    return found
+    turned = _rate_changes(problem, here.at.q, basis)
+    every = [
+        _changes(problem, here, *ends, basis, turned)
+        for ends in ((here.every, here.direct), (here.driven, here.inverse))
+    ]
+    return np.concatenate(every)
 
 
 def _space(at: FirstOrder, rates: np.ndarray, columns: np.ndarray) -> Space:
@@ -206,17 +204,27 @@ def _part(space: Space, number: int, *, outputs: bool) -> Part:
 
 
 def _changes(
-    here: Measures, space: Space, part: Part, turned: tuple[np.ndarray, np.ndarray, np.ndarray]
+    problem: Problem,
+    here: Measures,
+    space: Space,
+    part: Part,
+    basis: np.ndarray,
+    turned: np.ndarray,
 ) -> np.ndarray:
-    """Derivatives (w,) of singular values, from those of K, J and P."""
-    k, j, p = turned
-    x, sigma = part.motions, part.values
+    """Derivatives (w, k) of singular values along the basis; ``turned`` (k, ., nv) are those of P."""
+    x, sigma, d = part.motions, part.values, len(here.at.J)
     produced = part.left @ here.at.J if part.outputs else _at_inputs(here.at, part.left)
     unit = here.rates @ x
     pull = (produced.T - here.rates.T @ unit * sigma)[space.columns]
     mu = space.left @ (space.right @ pull / space.values[:, None])
-    found = -sigma * (unit * (p @ x)).sum(axis=0) - (mu * (k @ x)).sum(axis=0)
-    return np.asarray(found + ((part.left.T * (j @ x)).sum(axis=0) if part.outputs else 0.0))
+    weights = np.hstack([-mu.T, part.left if part.outputs else np.zeros((len(part.left), d))])
+    code = first_order_code(problem.mechanism, problem.outputs)
+    of_matrices = [
+        code.slopes(here.at.q, *both)[problem.free] @ basis
+        for both in zip(weights, np.ascontiguousarray(x.T), strict=True)
+    ]
+    of_norms = sigma[:, None] * np.einsum("rw,krv,vw->wk", unit, turned, x)
+    return np.array(of_matrices).reshape(of_norms.shape) - of_norms
 
 
 def _at_inputs(at: FirstOrder, left: np.ndarray) -> np.ndarray:
@@ -226,14 +234,11 @@ def _at_inputs(at: FirstOrder, left: np.ndarray) -> np.ndarray:
     return found
 
 
-def _derivatives(
-    problem: Problem, q: np.ndarray, motion: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Derivatives of dimensionless K, J and P along a dimensionless motion (free,)."""
-    m, ends = problem.mechanism, []
-    for h in (_STEP, -_STEP):
-        moved = problem.moved(q, h * motion)
-        at = first_order(m, moved, problem.outputs)
-        ends.append((at.K, at.J, physical_rates(m, moved)))
-    k, j, p = (np.asarray(one - two) / (2.0 * _STEP) for one, two in zip(*ends, strict=True))
-    return k, j, p
+def _rate_changes(problem: Problem, q: np.ndarray, basis: np.ndarray) -> np.ndarray:
+    """Derivatives (k, rates, nv) of P along dimensionless motions ``basis`` (free, k)."""
+    ways = [h * motion for motion in basis.T for h in (_STEP, -_STEP)]
+    if not ways:
+        return np.zeros((0, 0, q.size))
+    ends = np.array([problem.moved(q, way) for way in ways])
+    rates = first_order_code(problem.mechanism, problem.outputs).rates(ends)[0]
+    return np.asarray((rates[::2] - rates[1::2]) / (2.0 * _STEP))

@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike
 
 from closedchain.analysis.motion.track.routes import Route
 from closedchain.analysis.structure.mobility import generic_rank
-from closedchain.closure.equations import Equations
 from closedchain.closure.mechanism import Mechanism
+from closedchain.closure.solve.system import System
 from closedchain.closure.task import goal
 from closedchain.urdf.errors import ClosureError, known_names
 
@@ -104,14 +104,14 @@ class Problem:
         assert isinstance(pose, pin.SE3)
         return pose
 
-    def equations(self, pose: pin.SE3) -> Equations:
+    def equations(self, pose: pin.SE3) -> System:
         """Closures and the tip at ``pose``, in the free columns."""
         tip = self.mechanism.required_task().tip
-        return Equations(
+        return System(
             self.mechanism, self.free, (goal(self.mechanism, tip, pose, self.outputs),)
         )
 
-    def held(self, pose: pin.SE3, anchor: np.ndarray, basis: np.ndarray) -> Equations:
+    def held(self, pose: pin.SE3, anchor: np.ndarray, basis: np.ndarray) -> System:
         """The same, and no motion away from posture ``anchor`` along ``basis`` (free, k)."""
         plain = self.equations(pose)
         if not basis.shape[1]:
@@ -126,7 +126,7 @@ class Problem:
 
 
 @dataclass(frozen=True, eq=False)
-class Held(Equations):
+class Held(System):
     """Closures and goals, and the coordinates along ``basis`` (free, k) kept as at ``anchor``.
 
     The null motion itself serves as the coordinate, so no input needs to be an admissible one.
@@ -138,7 +138,7 @@ class Held(Equations):
     @cached_property
     def row_scale(self) -> np.ndarray:
         """Unit of each row; the coordinates have none."""
-        plain = Equations(self.mechanism, self.free, self.goals).row_scale
+        plain = System(self.mechanism, self.free, self.goals).row_scale
         return np.concatenate([plain, np.ones(self.basis.shape[1])])
 
     @cached_property

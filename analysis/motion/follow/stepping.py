@@ -21,11 +21,11 @@ from closedchain.analysis.motion.follow.postures import Posture, posture
 from closedchain.analysis.motion.follow.problem import Problem
 from closedchain.analysis.singularity.classify import SINGULAR
 from closedchain.analysis.singularity.maps.grid import Progress
-from closedchain.closure.equations import Equations
 from closedchain.closure.solve.continuation import follow as continued
 from closedchain.closure.solve.control import CLOSED
 from closedchain.closure.solve.newton import Corrected, correct
 from closedchain.closure.solve.outcome import Ending
+from closedchain.closure.solve.system import System
 from closedchain.closure.task import faces_away
 
 _SHORTEST = 1e-4  # share of the way between two samples: the shortest step
@@ -119,7 +119,7 @@ def begin(problem: Problem, locks: dict[str, float], start: np.ndarray) -> Postu
         message = f"not to be begun from the start posture: {_dead(problem, looked)}"
         return Blocked(time, message, Ending.SINGULAR_START)
 
-    def at(q: np.ndarray, t: float) -> tuple[Equations, np.ndarray]:
+    def at(q: np.ndarray, t: float) -> tuple[System, np.ndarray]:
         pose = last if t == 1.0 else _between(first, last, t)
         q = q.copy()
         q[index] = target if t == 1.0 else before + t * (target - before)
@@ -152,7 +152,7 @@ def advance(problem: Problem, here: Posture, i: int) -> Posture | Blocked:
     begin_time, end = float(problem.times[i]), float(problem.times[i + 1])
     here_goal = problem.held(problem.pose(i, begin_time), here.q, here.basis)
 
-    def at(q: np.ndarray, t: float) -> tuple[Equations, np.ndarray]:
+    def at(q: np.ndarray, t: float) -> tuple[System, np.ndarray]:
         u = end if t == 1.0 else begin_time + t * (end - begin_time)
         return problem.held(problem.pose(i, u), here.q, here.basis), q
 

@@ -8,10 +8,10 @@ from functools import cached_property
 import numpy as np
 import pinocchio as pin
 
-from closedchain.closure.equations import Equations
 from closedchain.closure.mechanism import Mechanism
 from closedchain.closure.solve.outcome import Ending
 from closedchain.closure.solve.solution_set import Bound
+from closedchain.closure.solve.system import System
 from closedchain.closure.turns import turning, without_turns
 
 BRANCHING = 1e-4  # singular values below this are not divided by: a branch point stays in place
@@ -25,7 +25,7 @@ class HeldTask:
     back.
     """
 
-    equations: Equations
+    equations: System
 
     @property
     def mechanism(self) -> Mechanism:

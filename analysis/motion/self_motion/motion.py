@@ -27,13 +27,13 @@ from closedchain.analysis.singularity.classify import classify
 from closedchain.analysis.singularity.maps.measures import measures_at
 from closedchain.analysis.structure.mobility import generic_rank
 from closedchain.closure.chart import joint_index, joint_names
-from closedchain.closure.equations import Equations
 from closedchain.closure.mechanism import Mechanism
 from closedchain.closure.nearest import beyond_limits
 from closedchain.closure.ranks import null_space
 from closedchain.closure.solve.joining import both_ways
 from closedchain.closure.solve.outcome import Ending
 from closedchain.closure.solve.solution_set import settle
+from closedchain.closure.solve.system import System
 from closedchain.closure.task import goal
 from closedchain.urdf.description import OUTPUTS
 from closedchain.urdf.errors import ClosureError, known_names
@@ -90,13 +90,13 @@ def self_motion(
         raise ClosureError(f"step must be positive and most at least 2, got {step!r}, {most!r}")
     names = first_order(mechanism, q, outputs).outputs
     locked, free = _unlocked(mechanism, lock, mechanism.configuration(q))
-    closed = settle(HeldTask(Equations(mechanism, free)), mechanism.configuration(q))
+    closed = settle(HeldTask(System(mechanism, free)), mechanism.configuration(q))
     z = closed.posture if closed.good else mechanism.configuration(q)
     beyond = beyond_limits(mechanism, z)
     if beyond:
         raise ClosureError(f"the start is beyond the limits of {', '.join(beyond)}")
     target = goal(mechanism, mechanism.required_task().tip, mechanism.pose(z), names)
-    system = HeldTask(Equations(mechanism, free, (target,)))
+    system = HeldTask(System(mechanism, free, (target,)))
     tangent, degenerate = _direction(system, z, names, locked)
     longest = np.full(system.size, step)
     traced = both_ways(system, z, tangent, longest, system.limits, most)

@@ -16,6 +16,8 @@ from closedchain.analysis.motion.track.routes import Prescribed
 from closedchain.analysis.structure.mobility import generic_rank
 from closedchain.closure.equations import Equations
 from closedchain.closure.mechanism import Mechanism
+from closedchain.closure.solve.newton import Rows
+from closedchain.closure.solve.system import System
 from closedchain.closure.task import WORLD_ALIGNED, Goal, goal
 from closedchain.urdf.description import OUTPUTS
 
@@ -46,7 +48,7 @@ class Demand(ABC):
         """Rank of the matrix at a regular posture."""
 
     @abstractmethod
-    def equations(self, p: Prescribed) -> Equations:
+    def equations(self, p: Prescribed) -> Rows:
         """Equations of a posture that is where ``p`` asks for."""
 
     @abstractmethod
@@ -76,9 +78,9 @@ class InputDemand(Demand):
         """As the classification of direct singularities has it."""
         return min(generic_rank(self.mechanism), self.free.size)
 
-    def equations(self, p: Prescribed) -> Equations:
+    def equations(self, p: Prescribed) -> System:
         """Closures in the passive joints."""
-        return Equations(self.mechanism, self.free)
+        return System(self.mechanism, self.free)
 
     def place(self, q: np.ndarray, p: Prescribed) -> np.ndarray:
         """``q`` with its inputs replaced."""
@@ -132,18 +134,17 @@ class TipDemand(Demand):
         values, matrix = equations.evaluate(q)
         scale = equations.row_scale
         rhs = np.zeros(values.size)
-        operator = _operator(equations.goals[0], self._rotation(equations.goals[0]))
+        operator = _operator(equations.goals[0], self._rotation(q))
         rhs[self.mechanism.rows :] = operator @ p.rate
         return Linear(values / scale, matrix, np.zeros(self.mechanism.model.nv), rhs / scale)
 
     def second(self, q: np.ndarray, p: Prescribed, qdot: np.ndarray) -> tuple[np.ndarray, ...]:
         """[-Kdot qdot; A (Vdot - Jdot qdot) - Adot (J qdot - V)]: goals move by A (J qdot - V)."""
-        m, g = self.mechanism, self._goal(p)
+        m, g, rotation = self.mechanism, self._goal(p), self._rotation(q)
         drift = m.workspace.drift(q, qdot)  # leaves the frames' velocities, accelerations at rest
         where = (m.model, m.workspace.data, g.joint, g.placement, WORLD_ALIGNED)
         twist = np.array(pin.getFrameVelocity(*where).vector)
         bias = np.array(pin.getFrameClassicalAcceleration(*where).vector)
-        rotation = self._rotation(g)
         rows = _operator(g, rotation) @ (p.second - bias)
         rows -= _operator_rate(g, rotation, twist[3:], p.rate[3:]) @ (twist[3:] - p.rate[3:])
         scale = self.equations(p).row_scale
@@ -152,9 +153,8 @@ class TipDemand(Demand):
     def _goal(self, p: Prescribed) -> Goal:
         return goal(self.mechanism, self.mechanism.required_task().tip, p.value, self.outputs)
 
-    def _rotation(self, g: Goal) -> np.ndarray:
-        placement = self.mechanism.workspace.data.oMi[g.joint] * g.placement
-        return np.array(placement.rotation)
+    def _rotation(self, q: np.ndarray) -> np.ndarray:
+        return np.array(self.mechanism.pose(q).rotation)
 
 
 def _angular(g: Goal) -> list[int]:

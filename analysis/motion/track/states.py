@@ -16,10 +16,9 @@ import pinocchio as pin
 
 from closedchain.analysis.motion.track.demands import Demand, Linear
 from closedchain.analysis.motion.track.routes import Prescribed, Route
-from closedchain.closure.equations import Equations
 from closedchain.closure.solve.continuation import follow
 from closedchain.closure.solve.factors import Factors, Range, factorise
-from closedchain.closure.solve.newton import Corrected
+from closedchain.closure.solve.newton import Corrected, Rows
 from closedchain.closure.solve.outcome import Ending
 
 SMALLEST = 1e-9  # share of the longest step: the shortest one
@@ -163,7 +162,7 @@ def _reach(
     def place(share: float) -> float:
         return to if share == 1.0 else here.u + share * whole
 
-    def at(q: np.ndarray, share: float) -> tuple[Equations, np.ndarray]:
+    def at(q: np.ndarray, share: float) -> tuple[Rows, np.ndarray]:
         p = route.between(piece, place(share))
         if q is here.q:  # a first step, predicted to second order
             h = share * whole
