@@ -13,7 +13,7 @@ _NONE = 1e-9  # m: a mechanism of less extent has no length of its own
 
 
 def characteristic_length(
-    model: pin.Model, closures: Sequence[Closure | Coupling], q: np.ndarray
+    model: pin.Model, data: pin.Data, closures: Sequence[Closure | Coupling], q: np.ndarray
 ) -> float:
     """Root mean square distance [m] of all joints from their centroid at ``q`` (nq,).
 
@@ -22,7 +22,6 @@ def characteristic_length(
     where a body is, are left out. So the length does not depend on which joints were cut. 1 for a
     mechanism without extent.
     """
-    data = model.createData()
     pin.forwardKinematics(model, data, q)
     points, weights = [], []
     for joint in list(model.joints)[1:]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -74,9 +73,9 @@ def mechanism_from_description(description: Description) -> Mechanism:
         named=Postures,
     )
     # the length of the stated posture closes home, whose own length then holds
-    mechanism = replace(mechanism, length=_length(mechanism, stated))
+    mechanism = mechanism.with_home(stated, _length(mechanism, stated))
     home = _closed_home(mechanism, stated)
-    return replace(mechanism, home=home, length=_length(mechanism, home))
+    return mechanism.with_home(home, _length(mechanism, home))
 
 
 def _length(mechanism: Mechanism, q: np.ndarray) -> float:
@@ -84,7 +83,8 @@ def _length(mechanism: Mechanism, q: np.ndarray) -> float:
     task = mechanism.description.task
     if task is not None and task.length is not None:
         return task.length
-    return characteristic_length(mechanism.model, mechanism.closures, q)
+    data = mechanism.workspace.data
+    return characteristic_length(mechanism.model, data, mechanism.closures, q)
 
 
 def _closed_home(mechanism: Mechanism, stated: np.ndarray) -> np.ndarray:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import threading
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from types import MappingProxyType
 from typing import Any
@@ -344,6 +344,15 @@ class Mechanism:
             raise ClosureError(f"outputs must be distinct and at least one of {' '.join(OUTPUTS)}")
         self.required_task()
         return tuple(sorted(names, key=OUTPUTS.index))
+
+    def with_home(self, home: np.ndarray, length: float) -> Mechanism:
+        """Return the same mechanism with another home posture (nq,) and characteristic length [m].
+
+        Both share Pinocchio's scratch space, whose size grows with the cube of the freedoms.
+        """
+        other = replace(self, home=home, length=length)
+        other.__dict__["_local"] = self._local
+        return other
 
     # -- Pinocchio's scratch space, one per thread -----------------------------------------------
 

@@ -16,6 +16,20 @@ if TYPE_CHECKING:
 _HINTS = {"quat_xyzw": "; write the rotation as rpy (fixed-axis roll, pitch, yaw in radians)"}
 
 
+_MARKS = (
+    *(("&", "&amp;"), ("<", "&lt;"), (">", "&gt;"), ('"', "&quot;")),
+    *(("\n", "&#10;"), ("\r", "&#13;"), ("\t", "&#9;")),
+)
+
+
+def attribute(text: str) -> str:
+    """Value of an attribute as it is written, quotes included."""
+    # the function of xml.sax brings half of the standard library along
+    for mark, name in _MARKS:
+        text = text.replace(mark, name)
+    return f'"{text}"'
+
+
 def error(element: Element, message: str, line: int | None = None) -> DescriptionError:
     """Error at ``element``; named after the nearest enclosing element that has a name.
 

@@ -24,7 +24,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Literal
-from xml.sax.saxutils import quoteattr
 
 from closedchain.urdf import _xml
 from closedchain.urdf.description import (
@@ -183,7 +182,7 @@ def constraint_xml(constraint: LoopClosure | JointRelation) -> str:
         return relation_xml(constraint)
     closure, spelling = constraint, SPELLINGS[constraint.type]
     sizes = "".join(f' {name}="{float(value)!r}"' for name, value in closure.sizes)
-    head = f"{CONSTRAINT} name={quoteattr(closure.name)} type={quoteattr(closure.type)}{sizes}"
+    head = f"{CONSTRAINT} name={_xml.attribute(closure.name)} type=\"{closure.type}\"{sizes}"
     lines = [f"<{head}>"]
     for side, link, origin, axis, there in (
         ("parent", closure.parent, closure.parent_origin, closure.parent_axis,
@@ -191,7 +190,7 @@ def constraint_xml(constraint: LoopClosure | JointRelation) -> str:
         ("child", closure.child, closure.child_origin, closure.child_axis,
          spelling.child_axis != "none"),
     ):  # fmt: skip
-        lines.append(f"  <{side} link={quoteattr(link)}/>")
+        lines.append(f"  <{side} link={_xml.attribute(link)}/>")
         if origin != Origin():
             lines.append(
                 f'  <{side}_origin xyz="{_plain(origin.xyz)}" rpy="{_plain(origin.rpy)}"/>'

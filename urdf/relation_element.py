@@ -17,7 +17,6 @@ MJCF writes it but of any degree::
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
-from xml.sax.saxutils import quoteattr
 
 from closedchain.urdf import _xml
 from closedchain.urdf.description import JointRelation, RelationType
@@ -105,18 +104,18 @@ def _polynomial(element: Element) -> JointRelation:
 
 def relation_xml(relation: JointRelation) -> str:
     """Write a relation as a ``<constraint>`` element that reads back to the same numbers."""
-    head = f"<constraint name={quoteattr(relation.name)} type={quoteattr(relation.type)}"
+    head = f"<constraint name={_xml.attribute(relation.name)} type={_xml.attribute(relation.type)}"
     if relation.type == "linear":
         lines = [f'{head} offset="{float(relation.offset)!r}">']
         lines += [
-            f'  <joint name={quoteattr(joint)} multiplier="{float(factor)!r}"/>'
+            f'  <joint name={_xml.attribute(joint)} multiplier="{float(factor)!r}"/>'
             for joint, factor in zip(relation.joints, relation.coefficients, strict=True)
         ]
     else:
         coefficients = " ".join(repr(float(c)) for c in relation.coefficients)
         lines = [f'{head} polycoef="{coefficients}">']
         lines += [
-            f"  <{side} joint={quoteattr(joint)}/>"
+            f"  <{side} joint={_xml.attribute(joint)}/>"
             for side, joint in zip(("follower", "leader"), relation.joints, strict=True)
         ]
     return "\n".join([*lines, "</constraint>"])
