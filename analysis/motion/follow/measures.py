@@ -169,7 +169,7 @@ def null_motions(problem: Problem, here: Measures) -> np.ndarray:
 
 def slopes(problem: Problem, here: Measures, basis: np.ndarray) -> np.ndarray:
     """Derivatives (w, k) of ``here.values`` along dimensionless motions ``basis`` (free, k)."""
-    turned = _rate_changes(problem, here.at.q, basis)
+    turned = _rate_changes(problem, here, basis)
     every = [
         _changes(problem, here, *ends, basis, turned)
         for ends in ((here.every, here.direct), (here.driven, here.inverse))
@@ -211,7 +211,7 @@ def _changes(
     basis: np.ndarray,
     turned: np.ndarray,
 ) -> np.ndarray:
-    """Derivatives (w, k) of singular values along the basis; ``turned`` (k, ., nv) are those of P."""
+    """Derivatives (w, k) of singular values along the basis, with those of P (k, rates, nv)."""
     x, sigma, d = part.motions, part.values, len(here.at.J)
     produced = part.left @ here.at.J if part.outputs else _at_inputs(here.at, part.left)
     unit = here.rates @ x
@@ -234,11 +234,11 @@ def _at_inputs(at: FirstOrder, left: np.ndarray) -> np.ndarray:
     return found
 
 
-def _rate_changes(problem: Problem, q: np.ndarray, basis: np.ndarray) -> np.ndarray:
+def _rate_changes(problem: Problem, here: Measures, basis: np.ndarray) -> np.ndarray:
     """Derivatives (k, rates, nv) of P along dimensionless motions ``basis`` (free, k)."""
     ways = [h * motion for motion in basis.T for h in (_STEP, -_STEP)]
     if not ways:
-        return np.zeros((0, 0, q.size))
-    ends = np.array([problem.moved(q, way) for way in ways])
+        return np.zeros((0, *here.rates.shape))
+    ends = np.array([problem.moved(here.at.q, way) for way in ways])
     rates = first_order_code(problem.mechanism, problem.outputs).rates(ends)[0]
     return np.asarray((rates[::2] - rates[1::2]) / (2.0 * _STEP))
