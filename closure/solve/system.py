@@ -57,12 +57,12 @@ class System:
         column[self.free] = np.arange(len(self.free))
         rows, columns = self._code.places
         wanted = np.flatnonzero(column[columns] >= 0)
-        return wanted, column[columns[wanted]] * self.row_scale.size + rows[wanted]
+        return wanted, column[columns[wanted]] * self._code.units.size + rows[wanted]
 
     def evaluate(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Residual (rows,) [m, rad] and dimensionless Jacobian (rows, free) at ``q`` (nq,)."""
         numbers = self._code.run(q, self._targets)
-        rows = self.row_scale.size
+        rows = self._code.units.size  # subclasses may add rows of their own
         wanted, places = self._places
         matrix = np.zeros(len(self.free) * rows)
         matrix[places] = numbers[rows:][wanted]
@@ -71,7 +71,7 @@ class System:
 
     def residual(self, q: np.ndarray) -> np.ndarray:
         """Residual (rows,) [m, rad] alone at ``q``."""
-        return self._code.run(q, self._targets)[: self.row_scale.size]
+        return self._code.run(q, self._targets)[: self._code.units.size]
 
     def move(self, q: np.ndarray, step: np.ndarray) -> np.ndarray:
         """Posture after a dimensionless step (free,) of the unknowns."""

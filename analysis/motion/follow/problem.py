@@ -107,9 +107,7 @@ class Problem:
     def equations(self, pose: pin.SE3) -> System:
         """Closures and the tip at ``pose``, in the free columns."""
         tip = self.mechanism.required_task().tip
-        return System(
-            self.mechanism, self.free, (goal(self.mechanism, tip, pose, self.outputs),)
-        )
+        return System(self.mechanism, self.free, (goal(self.mechanism, tip, pose, self.outputs),))
 
     def held(self, pose: pin.SE3, anchor: np.ndarray, basis: np.ndarray) -> System:
         """The same, and no motion away from posture ``anchor`` along ``basis`` (free, k)."""
@@ -141,21 +139,28 @@ class Held(System):
         plain = System(self.mechanism, self.free, self.goals).row_scale
         return np.concatenate([plain, np.ones(self.basis.shape[1])])
 
-    @cached_property
-    def _scaling(self) -> np.ndarray:
-        plain = self.row_scale[: -self.basis.shape[1]]
-        return np.asfortranarray(self.mechanism.column_scale[self.free] / plain[:, None])
-
     def evaluate(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Residual (rows,) and dimensionless Jacobian (rows, free) at ``q``."""
         values, matrix = super().evaluate(q)
         model, units = self.mechanism.model, self.mechanism.column_scale
-        weights = np.zeros((self.basis.shape[1], model.nv))
+        turn = pin.dDifference(model, self.anchor, q, pin.ARG1) * units
+        slopes = (self._weights @ turn)[:, self.free]
+        matrix = np.asfortranarray(np.vstack([matrix, slopes]))
+        return np.concatenate([values, self._along(q)]), matrix
+
+    def residual(self, q: np.ndarray) -> np.ndarray:
+        """Residual (rows,) alone at ``q``."""
+        return np.concatenate([super().residual(q), self._along(q)])
+
+    @cached_property
+    def _weights(self) -> np.ndarray:
+        weights = np.zeros((self.basis.shape[1], self.mechanism.model.nv))
         weights[:, self.free] = self.basis.T
-        weights /= units
-        along = weights @ pin.difference(model, self.anchor, q)
-        slopes = (weights @ pin.dDifference(model, self.anchor, q, pin.ARG1) * units)[:, self.free]
-        return np.concatenate([values, along]), np.asfortranarray(np.vstack([matrix, slopes]))
+        return weights / self.mechanism.column_scale
+
+    def _along(self, q: np.ndarray) -> np.ndarray:
+        """Coordinates along the basis, from the anchor on."""
+        return np.asarray(self._weights @ pin.difference(self.mechanism.model, self.anchor, q))
 
 
 def bounds_of(mechanism: Mechanism, limits: Limits | None, speeds: Speeds | None) -> Bounds:
