@@ -58,7 +58,7 @@ class Field:
 FIELDS = (
     Field("d1", ("q1", "q2"), 0.06),
     Field("linear_delta", ("x", "y", "z"), 0.06),
-    Field("rpa3t", ("theta1", "theta2", "theta3"), 0.06),
+    Field("rpa3t", ("x", "z"), 0.05),
 )
 
 

@@ -23,8 +23,9 @@ from benchmarks.timing import Row
 from closedchain.urdf.description import Origin
 
 TOOL = "placo"
-CHAIN = (("x", "prismatic"), ("y", "prismatic"), ("z", "prismatic")) + tuple(
-    (f"r{axis}", "revolute") for axis in "xyz"
+CHAIN = (
+    *((axis, "prismatic") for axis in "xyz"),
+    *((f"r{axis}", "revolute") for axis in "xyz"),
 )
 
 

@@ -57,7 +57,7 @@ class Run:
     def _pose(self):
         tip, outputs = self.problem["tip"], self.problem["outputs"]
         here = self.robot.get_T_world_frame(tip)
-        if outputs == list("xyz") + ["rx", "ry", "rz"]:
+        if outputs == ["x", "y", "z", "rx", "ry", "rz"]:
             frame = self.solver.add_frame_task(tip, here)
             frame.configure("tip", self.priority, 1.0)
 

@@ -11,6 +11,7 @@ import argparse
 import json
 import os
 import platform
+import sys
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import asdict
 from importlib.metadata import PackageNotFoundError, version
@@ -65,7 +66,9 @@ SECTIONS: dict[str, Callable[[argparse.Namespace], Iterable[Row]]] = {
 def measure(options: argparse.Namespace) -> Iterator[Row]:
     """Every row of the sections that are asked for."""
     for name in options.sections:
-        yield from SECTIONS[name](options)
+        for row in SECTIONS[name](options):
+            print(f"{row.robot}: {row.work}, {row.tool}", file=sys.stderr)
+            yield row
 
 
 def report(measured: list[Row]) -> dict[str, object]:

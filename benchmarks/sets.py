@@ -1,4 +1,4 @@
-"""Singular sets: points of a traced curve, whole surveys, all working modes of a planar platform."""
+"""Singular sets: points of a traced curve, whole surveys, all modes of a planar platform."""
 
 from __future__ import annotations
 
