@@ -192,7 +192,7 @@ def test_comparison_in_text_and_json(tmp_path: Path, dip: Path) -> None:
 @pytest.mark.parametrize("task", ["drill", "hexagon", "step", "periodic"])
 def test_each_task_of_d1(task: str, tmp_path: Path) -> None:
     found = data(good("d1", "--task", task, "--out", str(tmp_path), "--json"))
-    least = {"drill": 0.217, "hexagon": 0.217, "step": 0.164, "periodic": 0.127}[task]
+    least = {"drill": 0.131, "hexagon": 0.131, "step": 0.091, "periodic": 0.127}[task]
     assert least < found["smallest"] < least + 0.002
     assert found["task_error"] < 1e-12
     assert (tmp_path / f"d1_{task}.html").is_file()

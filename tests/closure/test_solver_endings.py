@@ -125,11 +125,16 @@ def test_two_events_between_two_points() -> None:
     assert found == pytest.approx([-0.05, 0.05], abs=1e-10)
 
 
-def interrupted(work: Any, after: float = 0.3) -> float:
-    """Seconds from Ctrl-C to its answer; fails where the work ends by itself first."""
+def interrupted(work: Any, begun: threading.Event | None = None, after: float = 0.3) -> float:
+    """Seconds from Ctrl-C to its answer; fails where the work ends by itself first.
+
+    Ctrl-C comes ``after`` seconds, and once ``begun``, if given, says that the work is under way.
+    """
     sent = []
 
     def press() -> None:
+        if begun is not None and not begun.wait(60.0):
+            return
         sent.append(time.perf_counter())
         os.kill(os.getpid(), signal.SIGINT)
 
@@ -148,6 +153,7 @@ def test_the_keyboard_stops_within_a_second(what: str) -> None:
     m = cc.load("d1")
     home = m.input_values(m.home)
     times = np.linspace(0.0, 60.0, 6001)
+    begun = threading.Event()
     works = {
         "trace": lambda: trace(
             Circle(0.01), np.array([1.0, 0.0]), np.array([0.0, 1.0]), np.full(2, 1e-3)
@@ -155,7 +161,10 @@ def test_the_keyboard_stops_within_a_second(what: str) -> None:
         "track": lambda: cc.track(m, home + 0.01 * np.sin(times)[:, None] * np.ones(len(home))),
         "self_motion": lambda: cc.self_motion(m, m.home, "x y z rx rz", step=1e-3, most=100_000),
         "follow": lambda: cc.follow(
-            m, [m.pose(m.home)] * times.size, times=times, outputs="x y z rx rz"
+            *(m, [m.pose(m.home)] * times.size),
+            times=times,
+            outputs="x y z rx rz",
+            progress=lambda *_: begun.set(),
         ),
     }
-    assert interrupted(works[what]) < 1.0
+    assert interrupted(works[what], begun if what == "follow" else None) < 1.0

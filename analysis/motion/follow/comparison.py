@@ -35,7 +35,7 @@ class ComparisonRow:
     sigma_direct, sigma_driven : float
         Least values over the samples reached.
     sigma_inverse : float
-        The same of [K; J] with all inputs: the measure that does not know of locks.
+        The same with all inputs moving: the measure that does not know of locks.
     reached : float
         Time up to which the task was done [s]; that of the start if it was not begun.
     fastest : float

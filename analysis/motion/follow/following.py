@@ -61,8 +61,8 @@ def follow(
     times : (n,) array, optional
         Rising [s]; not with a ``TaskPath`` or a tuple, which have their own.
     objective : "singularity", "range", "speed" or callable
-        What is to be large: the smallest dimensionless singular value (of K_p, and of [K; J]
-        without the columns of locked inputs); the distance of the inputs from their limits
+        What is to be large: the smaller one of sigma_direct and sigma_inverse (the latter with
+        the locked inputs at rest); the distance of the inputs from their limits
         (1 in the middle, 0 at a limit); or what is to be small: the speed of the inputs. A
         callable gives a number, to be large, for a configuration (nq,).
     method : "gradient" or "path"

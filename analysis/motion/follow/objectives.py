@@ -44,7 +44,7 @@ class Objective(ABC):
 
 @dataclass(frozen=True)
 class SingularityDistance(Objective):
-    """The smallest dimensionless singular value: of K_p and of the driven [K; J]."""
+    """The smaller one of sigma_direct and of sigma_inverse with the locked inputs at rest."""
 
     name: str = "singularity"
 
