@@ -1,4 +1,4 @@
-"""Mechanisms with loops: model, closure rows and their derivatives, and position solvers."""
+"""Mechanisms with loops: model, closure rows and their derivatives; solvers stand beside."""
 
 if __name__ != "closedchain.closure":
     raise ImportError("import closedchain.closure, not closure: two copies of a class never match")
@@ -8,7 +8,6 @@ from closedchain.closure.constraints import constraint_drift, constraint_jacobia
 from closedchain.closure.loading import load_urdf, mechanism_from_description
 from closedchain.closure.mechanism import Mechanism, TaskFrame
 from closedchain.closure.nearest import close
-from closedchain.closure.position import direct, inverse
 from closedchain.closure.ranks import Rank, numerical_rank
 from closedchain.closure.solution import Solution, Solutions
 
@@ -23,8 +22,6 @@ __all__ = [
     "close",
     "constraint_drift",
     "constraint_jacobian",
-    "direct",
-    "inverse",
     "load_urdf",
     "mechanism_from_description",
     "numerical_rank",

@@ -13,8 +13,6 @@ from closedchain.closure import (
     close,
     constraint_drift,
     constraint_jacobian,
-    direct,
-    inverse,
     load_urdf,
     residual,
 )
@@ -51,42 +49,44 @@ if TYPE_CHECKING:
     from closedchain.analysis.structure.topology import structure
     from closedchain.analysis.symbolic import SymbolicSingularities, symbolic_singularities
     from closedchain.analysis.velocity import Velocity, velocity
+    from closedchain.closure.position import direct, inverse
 
 __version__ = "0.1.0"
 
 # What is asked of a mechanism is imported when it is first asked, so that loading stays quick.
-_ANALYSIS = {
-    "motion.track.stops": "Stop",
-    "acceleration": "Acceleration acceleration",
-    "screws.accelerators": "Accelerators accelerators",
-    "structure.dependence": "Dependence dependence",
-    "motion.follow": "Comparison ComparisonRow Follow compare follow",
-    "motion.follow.task_path": "TaskPath read_task_path task_path",
-    "screws.hessian": "Hessian hessian",
-    "screws.legs": "LegVelocity leg_velocity",
-    "structure.loops": "LoopGraph loops",
-    "singularity.maps.mapping": "singularity_map",
-    "structure.mobility": "Mobility mobility",
-    "screws.network": "Network network",
-    "structure.open_chains": "Structure",
-    "structure.poc": "Poc poc",
-    "redundancy": "Redundancy Split redundancy",
-    "motion.self_motion.motion": "SelfMotion self_motion",
-    "singularity.sets.finding": "singularity_set",
-    "singularity.sets.singular_set": "SingularitySet",
-    "singularity.classify": "Classification classify",
-    "structure.topology": "structure",
-    "symbolic": "SymbolicSingularities symbolic_singularities",
-    "motion.track.tracking": "Track track",
-    "velocity": "Velocity velocity",
+_LATER = {
+    "closure.position": "direct inverse",
+    "analysis.motion.track.stops": "Stop",
+    "analysis.acceleration": "Acceleration acceleration",
+    "analysis.screws.accelerators": "Accelerators accelerators",
+    "analysis.structure.dependence": "Dependence dependence",
+    "analysis.motion.follow": "Comparison ComparisonRow Follow compare follow",
+    "analysis.motion.follow.task_path": "TaskPath read_task_path task_path",
+    "analysis.screws.hessian": "Hessian hessian",
+    "analysis.screws.legs": "LegVelocity leg_velocity",
+    "analysis.structure.loops": "LoopGraph loops",
+    "analysis.singularity.maps.mapping": "singularity_map",
+    "analysis.structure.mobility": "Mobility mobility",
+    "analysis.screws.network": "Network network",
+    "analysis.structure.open_chains": "Structure",
+    "analysis.structure.poc": "Poc poc",
+    "analysis.redundancy": "Redundancy Split redundancy",
+    "analysis.motion.self_motion.motion": "SelfMotion self_motion",
+    "analysis.singularity.sets.finding": "singularity_set",
+    "analysis.singularity.sets.singular_set": "SingularitySet",
+    "analysis.singularity.classify": "Classification classify",
+    "analysis.structure.topology": "structure",
+    "analysis.symbolic": "SymbolicSingularities symbolic_singularities",
+    "analysis.motion.track.tracking": "Track track",
+    "analysis.velocity": "Velocity velocity",
 }
-_MODULES = {name: module for module, names in _ANALYSIS.items() for name in names.split()}
+_MODULES = {name: module for module, names in _LATER.items() for name in names.split()}
 
 
 def __getattr__(name: str) -> Any:
     if name not in _MODULES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    found = getattr(import_module(f"closedchain.analysis.{_MODULES[name]}"), name)
+    found = getattr(import_module(f"closedchain.{_MODULES[name]}"), name)
     globals()[name] = found
     return found
 
