@@ -72,7 +72,7 @@ def test_redundancy_keeps_further_from_singularities_than_any_lock(name: str) ->
     for n in ("q1", "q2", "q3"):
         row = table.row(f"{n} locked")
         both = min(row.sigma_direct, row.sigma_inverse)
-        assert min(gradient.sigma_direct, gradient.sigma_inverse) > 1.05 * both
+        assert min(gradient.sigma_direct, gradient.sigma_inverse) > 1.025 * both
     for run in table.follows[-2:]:
         assert run.residual.max() < CLOSED
         assert run.task_error.max() < CLOSED
@@ -272,4 +272,4 @@ def test_tilted_tools() -> None:
     found = follow(m, task, outputs=AXIS_TASK).raise_if_failed()
     assert found.task_error.max() < CLOSED
     assert_close([m.pose(q).rotation[:, 1] for q in found.q], axes, 1e-11)
-    assert found.smallest > 0.15
+    assert found.smallest > 0.10  # by the rates of all joints
