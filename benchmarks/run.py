@@ -104,6 +104,23 @@ def table(measured: list[dict[str, object]]) -> Table:
     return out
 
 
+def markdown(found: dict[str, object]) -> str:
+    """Rows of ``report`` as the table of docs/benchmarks.md: peers beside ours in one line."""
+    measured: list[dict[str, object]] = found["rows"]  # type: ignore[assignment]
+    lines = ["| robot | work | time | beside it, and how many times as long |", "|---|---|---|---|"]
+    for own in (r for r in measured if r["tool"] == OURS):
+        said = duration(float(own["seconds"])) if own["seconds"] is not None else ""  # type: ignore[arg-type]
+        if own["note"]:
+            said = f"{said} ({own['note']})" if said else str(own["note"])
+        peers = []
+        for r in measured:
+            if (r["robot"], r["work"]) == (own["robot"], own["work"]) and r["tool"] != OURS:
+                ratio = "-" if r["ratio"] is None else f"{r['ratio']:.2g}"
+                peers.append(f"{r['tool']} {ratio}")
+        lines.append(f"| {own['robot']} | {own['work']} | {said} | {', '.join(peers)} |")
+    return "\n".join(lines) + "\n"
+
+
 def duration(seconds: float) -> str:
     """Three digits and a unit."""
     scale, unit = next(u for u in UNITS if seconds < 999.5 * u[0] or u is UNITS[-1])
@@ -122,6 +139,7 @@ def main() -> None:
     parser.add_argument("--stacks", nargs="*", type=int, default=(1, 2, 4, 8, 16))
     parser.add_argument("--sections", nargs="*", choices=SECTIONS, default=tuple(SECTIONS))
     parser.add_argument("--json", type=Path, help="also write the rows to this file")
+    parser.add_argument("--markdown", type=Path, help="also write a table as in docs/benchmarks.md")
     options = parser.parse_args()
     found = report(list(measure(options)))
     console = Console(width=140)
@@ -129,6 +147,8 @@ def main() -> None:
     console.print(", ".join(f"{k} {v}" for k, v in versions().items()))
     if options.json is not None:
         options.json.write_text(json.dumps(found, indent=2))
+    if options.markdown is not None:
+        options.markdown.write_text(markdown(found))
 
 
 if __name__ == "__main__":

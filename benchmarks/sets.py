@@ -40,9 +40,10 @@ def point(cells: int) -> Iterator[Row]:
         cc.singularity_map(m, axes, progress=False, workers=1)
         between = time.process_time()
         points = len(cc.singularity_set(m, kind, axes, check=False).q)
-        seconds = (time.process_time() - between) - (between - begin)
-        note = f"{kind}, {points} points on {cells} x {cells} cells, beyond the map"
-        yield Row("d1", f"{POINT}, {kind}", OURS, seconds / points, note=note)
+        beyond = (time.process_time() - between) - (between - begin)
+        note = f"{points} points on {cells} x {cells} cells, beyond the map"
+        seconds = beyond / points if points and beyond > 0.0 else None
+        yield Row("d1", f"{POINT}, {kind}", OURS, seconds, note=note)
 
 
 def modes(cells: int) -> Row:

@@ -42,7 +42,10 @@ from closedchain.closure.tape.rows import Kinematics, Rows, kinematics
 from closedchain.closure.tape.vectors import quaternion
 from closedchain.closure.tape.verified import agree, verify
 
-CHUNK = 2048  # postures between looks at the keyboard
+CHUNK = 504
+"""Postures between looks at the keyboard: their states stay in the cache, and rows do not begin at
+multiples of a power of two, which would share a few places of it."""
+
 TICKS = 400  # steps of Newton's method between looks at the keyboard
 
 
