@@ -182,7 +182,7 @@ def constraint_xml(constraint: LoopClosure | JointRelation) -> str:
         return relation_xml(constraint)
     closure, spelling = constraint, SPELLINGS[constraint.type]
     sizes = "".join(f' {name}="{float(value)!r}"' for name, value in closure.sizes)
-    head = f"{CONSTRAINT} name={_xml.attribute(closure.name)} type=\"{closure.type}\"{sizes}"
+    head = f'{CONSTRAINT} name={_xml.attribute(closure.name)} type="{closure.type}"{sizes}'
     lines = [f"<{head}>"]
     for side, link, origin, axis, there in (
         ("parent", closure.parent, closure.parent_origin, closure.parent_axis,
