@@ -2,8 +2,7 @@
 
 Breadth first, by fronts: the ways from all cells of a front into their unsolved neighbours are
 followed together. The order is that of a queue (cells as they were reached, neighbours axis by
-axis, down before up), so that what is found depends on the grid and its seeds alone. Ways that do
-not arrive in one step wait until no other leads on.
+axis, down before up), so that what is found depends on the grid and its seeds alone.
 """
 
 from __future__ import annotations
@@ -17,7 +16,7 @@ from numpy.typing import ArrayLike
 
 from closedchain.closure.nearest import LIMIT_TOLERANCE
 from closedchain.closure.solve.alone import healthy
-from closedchain.closure.solve.hops import SMALLEST_STEP, Hops
+from closedchain.closure.solve.hops import Hops
 from closedchain.closure.solve.outcome import Ending
 from closedchain.closure.solve.path import Way
 from closedchain.closure.solve.problem import Problem
@@ -27,9 +26,6 @@ CLOSED = 1e-9
 
 SHORT = 1e-2
 """Share of a way below which it is too short to judge where it leads."""
-
-ONE = 0.9
-"""Smallest sub-step, a share of the longest, that allows no other one."""
 
 ARRIVED, UNTRIED, LIMIT = Ending.ARRIVED.code, Ending.UNTRIED.code, Ending.LIMIT.code
 FOLD, STUCK = Ending.FOLD.code, Ending.STUCK.code
@@ -102,8 +98,6 @@ def flood(block: Block, seeds: ArrayLike, progress: Progress | None = None) -> n
     front = work.begin(np.array(list(dict.fromkeys(np.asarray(seeds).tolist())), dtype=np.int64))
     while front.size:
         front = work.onward(front)
-        if not front.size:
-            front = work.retried()
         if progress is not None:
             progress(front.size)
     solved = np.flatnonzero(work.solved)
@@ -123,7 +117,6 @@ class _Work:
         self.solved = np.zeros(block.size + 1, dtype=bool)
         self.codes = np.full(block.size, UNTRIED)
         self.mark = np.zeros(block.size, dtype=np.int64)
-        self.later: list[np.ndarray] = []
 
     def begin(self, seeds: np.ndarray) -> np.ndarray:
         """Close seeds (s,); those that lead on."""
@@ -140,48 +133,25 @@ class _Work:
         """
         beside = self.beside[front]
         row, side = np.nonzero(self.left[beside])
-        return self._through(np.stack([front[row], beside[row, side], side]), ONE)
-
-    def retried(self) -> np.ndarray:
-        """Cells reached by the ways that were put off, in order."""
-        ways = np.concatenate([np.zeros((3, 0), dtype=np.int64), *self.later], axis=1)
-        self.later.clear()
-        return self._through(ways[:, self.left[ways[1]]], SMALLEST_STEP)
-
-    def _through(self, ways: np.ndarray, smallest: float) -> np.ndarray:
-        """Cells reached by ways (3, n) of begin, end and side, in order."""
-        order = np.arange(ways.shape[1])
-        reached, places = [ways[1, :0]], [order[:0]]
-        while order.size:
-            end = ways[1]
+        begin, end = front[row], beside[row, side]
+        order = np.arange(end.size)
+        reached, places = [front[:0]], [order[:0]]
+        while end.size:
             self.mark[end[::-1]] = order[::-1]  # the first one stays
             first = self.mark[end] == order
-            good = self._enter(ways[:, first], smallest)
+            good = self._enter(begin[first], end[first], side[first])
             reached.append(end[first][good])
             places.append(order[first][good])
             rest = self.left[end] & ~first
-            ways, order = ways[:, rest], order[rest]
+            begin, end, side, order = begin[rest], end[rest], side[rest], order[rest]
         found = np.concatenate(reached)
         return found[np.argsort(np.concatenate(places))] if len(reached) > 2 else found
 
-    def _enter(self, ways: np.ndarray, smallest: float) -> np.ndarray:
-        """Follow ways (3, n) into cells, all different; which ones lead on, (n,) of bool.
-
-        Those that do not in one step are put off where ``smallest`` allows no other: what is hard
-        is done at once for all fronts.
-        """
-        begin, end, side = ways
-        hop = self.hops.ways(begin, end, self._behind(begin, side ^ 1), smallest)
-        if smallest == ONE:
-            found = self._arrived(hop.way, end)
-            found[self.hops.det[begin] == 0.0] = STUCK
-            put_off = found == STUCK
-            self.later.append(ways[:, put_off])
-            found[put_off] = UNTRIED
-            again = np.zeros(end.size, dtype=bool)
-        else:
-            found = self._judged(hop.way, begin, end)
-            again = self._looked_into(hop.way, found, begin, end)
+    def _enter(self, begin: np.ndarray, end: np.ndarray, side: np.ndarray) -> np.ndarray:
+        """Follow ways from cells into others, all different; which ones lead on, (n,) of bool."""
+        hop = self.hops.ways(begin, end, self._behind(begin, side ^ 1))
+        found = self._judged(hop.way, begin, end)
+        again = self._looked_into(hop.way, found, begin, end)
         good = found == ARRIVED
         there = end[good]
         self.hops.enter(there, hop, good)

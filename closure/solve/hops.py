@@ -88,16 +88,15 @@ class Hops:
         self.q[:, cells] = hop.way.q.T[:, which]
         self.det[cells], self.memory[:, cells] = hop.way.det[which], hop.memory[:, which]
 
-    def ways(self, begin: np.ndarray, end: np.ndarray, behind: np.ndarray, smallest: float) -> Hop:
+    def ways(self, begin: np.ndarray, end: np.ndarray, behind: np.ndarray) -> Hop:
         """Follow the branches of solved cells (n,) to the targets of others (n,).
 
         ``behind`` (2, n) are the cells before ``begin`` on the same line, nearest first; -1 where
-        there is none to extrapolate from. ``smallest`` sub-step, a share of the longest.
+        there is none to extrapolate from.
         """
         state, numbers = self._laid_out(begin, self.targets[:, begin], self.targets[:, end])
         nq = len(self.q)
         state[nq : 2 * nq] = self._ahead(state[:nq], behind)
-        numbers[-1] = smallest
         return self._followed(state, numbers)
 
     def backwards(self, begin: np.ndarray, end: np.ndarray) -> Way:
