@@ -15,7 +15,7 @@ import numpy as np
 
 from closedchain.closure.solve.events import Seen, least, zero
 from closedchain.closure.solve.solution_set import SOLVED, SmoothEquations, settle
-from closedchain.closure.solve.stepping import Here, across, at, tangent_of, weakest
+from closedchain.closure.solve.stepping import Here, across, at
 
 CROSSING = 1e-4  # of the usual smallest singular value: below it, two branches cross
 CLOSE = 1e-3  # of that: near enough
@@ -25,7 +25,6 @@ DIP = 0.3  # of the usual smallest singular value: where one lower than this is 
 USUAL = 30  # points over which that is the median
 RAYS = 48  # directions that are looked at; curves closer than two of them are taken for one
 ITERATIONS = 6
-LOOKS = 2  # further steps of inverse iteration for a smallest singular value
 
 
 def branch_points(
@@ -81,19 +80,18 @@ def _within(
     here = at(system, one, chord)
     if here is None:
         return None
+    target = np.zeros(system.size)
+    target[-1] = 1.0
 
     def look(guess: np.ndarray) -> Seen | None:
         found = across(system, here, guess, 4.0 * h)
         if found is None:
             return None
-        z, factors, _ = found
-        if factors.sign == 0:
-            return 0.0, z
-        tangent = tangent_of(factors)
-        left, smallest = weakest(factors, here.weak, tangent)
-        for _ in range(LOOKS):
-            left, smallest = weakest(factors, left, tangent)
-        return smallest * float(factors.sign * here.sign), z
+        matrix = found[1].matrix
+        tangent = np.linalg.lstsq(matrix, target, rcond=1e-13)[0]
+        square = np.vstack([matrix[:-1], tangent / np.linalg.norm(tangent)])
+        smallest = float(np.linalg.svd(square, compute_uv=False)[-1])
+        return smallest * float(np.linalg.slogdet(square)[0]) * here.sign, found[0]
 
     def between(low: np.ndarray, high: np.ndarray, share: float) -> Seen | None:
         return look(system.move(low, share * system.difference(low, high)))

@@ -128,7 +128,7 @@ def onward(
     bend = (tangent * float(here.tangent @ tangent) - here.tangent) / h  # at right angles to it
     there: Here | None = None
     if here.squeeze is None and (here.frame is None or here.age < KEPT):
-        weak, least = weakest(factors, here.weak, tangent)
+        weak, least = _weakest(factors, here.weak, tangent)
         if least > SMALL * largest(factors.matrix):
             age = here.age + 1
             there = Here(z, here.frame, None, tangent, factors.sign, least, weak, bend, age)
@@ -152,7 +152,7 @@ def _step(
     z, factors, first = found
     if factors.sign == 0:
         return None, 0.7
-    tangent = tangent_of(factors)
+    tangent = _tangent(factors)
     turn = math.acos(min(1.0, float(tangent @ here.tangent)))
     if turn > TURN:
         return None, max(0.2, 0.7 * TURN / turn)
@@ -161,7 +161,7 @@ def _step(
     return (z, factors, tangent), min(max(1.0 / strain, 0.5), 2.0)
 
 
-def tangent_of(factors: Factors) -> np.ndarray:
+def _tangent(factors: Factors) -> np.ndarray:
     """Tangent from the factors of [J; t] with t nearby."""
     target = np.zeros(len(factors.pivots))
     target[-1] = 1.0
@@ -169,7 +169,7 @@ def tangent_of(factors: Factors) -> np.ndarray:
     return np.asarray(tangent / math.sqrt(tangent @ tangent))
 
 
-def weakest(factors: Factors, weak: np.ndarray, tangent: np.ndarray) -> tuple[np.ndarray, float]:
+def _weakest(factors: Factors, weak: np.ndarray, tangent: np.ndarray) -> tuple[np.ndarray, float]:
     """Left singular vector and smallest singular value of J, by a step of inverse iteration.
 
     [J; t]^-1 (w, 0) less its part along the tangent is J^+ w, for any t that is not normal to it.

@@ -342,8 +342,12 @@ class Tracker:
 
     def knows(self, z: np.ndarray) -> bool:
         """Whether a solution is a point, or lies on a curve, that was found."""
-        if any(self._passes(curve, z).size for curve in self.curves):
-            return True
+        nq = self.system.mechanism.model.nq
+        for curve in self.curves:
+            apart = np.abs(curve.points[:, nq:] - z[nq:]) / self.lattice.cell
+            for i in np.flatnonzero((apart < 0.8 + CELL_STEP).all(axis=1)):
+                if self._beside(curve, int(i), z):
+                    return True
         if any(inner.knows(z) for inner in self.inner.values()):
             return True
         return any(self._gap(z, other) < 1e-6 for other in self.points)
@@ -358,11 +362,14 @@ class Tracker:
         return self.points + [z for inner in self.inner.values() for z in inner.alone()]
 
     def _with_crossings(self, curve: Curve) -> Curve:
+        nq = self.system.mechanism.model.nq
         for crossing in self.crossings:
             own = [curve.points[i] for i in curve.crossings]
             if any(self._gap(crossing, other) < SAME for other in own):
                 continue
-            beside = self._passes(curve, crossing).tolist()
+            apart = np.abs(curve.points[:, nq:] - crossing[nq:]) / self.lattice.cell
+            near = np.flatnonzero((apart < 0.8 + CELL_STEP).all(axis=1))
+            beside = [int(i) for i in near if self._beside(curve, int(i), crossing)]
             if not beside:
                 continue
             i = min(beside, key=lambda j: self._gap(curve.points[j], crossing)) + 1
@@ -371,20 +378,23 @@ class Tracker:
             curve = Curve(points, curve.ends, tuple(sorted((*later, i))))
         return curve
 
-    def _passes(self, curve: Curve, z: np.ndarray) -> np.ndarray:
-        """Points (i,) of a curve from which the chord to the next one passes a solution."""
-        shift = np.abs(self.system.coordinates(curve.points) - self.system.coordinates(z))
-        near = np.flatnonzero((shift <= (0.8 + CELL_STEP) * self.lattice.cell).all(axis=1))
-        if not near.size:
-            return near
-        last = 0 if curve.ends[0] == Ending.CLOSED.word else len(curve.points) - 1
-        following = np.where(near + 1 < len(curve.points), near + 1, last)
-        here = curve.points[near]
+    def _beside(self, curve: Curve, i: int, z: np.ndarray) -> bool:
+        """Whether a solution lies on the chord from point i of a curve to the next."""
+        here = curve.points[i]
+        following = (
+            i + 1
+            if i + 1 < len(curve.points)
+            else (0 if curve.ends[0] == Ending.CLOSED.word else i)
+        )
         gap = self.system.difference(here, z)
+        size = float(np.linalg.norm(gap))
+        if size < 1e-6:
+            return True
         chord = self.system.difference(here, curve.points[following])
-        size, length = np.linalg.norm(gap, axis=1), np.linalg.norm(chord, axis=1)
-        share = (gap * chord).sum(axis=1) / np.maximum(length, 1e-300) ** 2
-        aside = np.linalg.norm(gap - share[:, None] * chord, axis=1)
-        beside = (length > 0.0) & (size <= 1.5 * length) & (aside < NEAR * length)
-        beside &= (share >= -0.05) & (share <= 1.05)
-        return np.asarray(near[beside | (size < 1e-6)])
+        length = float(np.linalg.norm(chord))
+        if length == 0.0 or size > 1.5 * length:
+            return False
+        share = float(gap @ chord) / length**2
+        if not -0.05 <= share <= 1.05:
+            return False
+        return float(np.linalg.norm(gap - share * chord)) < NEAR * length
