@@ -23,7 +23,7 @@ DEPENDENT = 1e-10  # largest row of a point on the set, for rows that are not in
 CONTRACTION = 0.4  # of successive corrector steps
 ITERATIONS = 8
 ROUNDING = 1e-14  # largest row that rounding leaves: steps from smaller ones are noise
-KEPT = 12  # points for which a frame is kept
+KEPT = 4  # points for which a frame is kept
 SMALL = 1e-5  # of the largest entry: a smallest singular value that wants a closer look
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from closedchain.analysis.singularity.maps.measures import KINDS
 from closedchain.analysis.singularity.sets.classifying import evidence, sigmas_of
 from closedchain.analysis.singularity.sets.lattice import Lattice
-from closedchain.analysis.singularity.sets.slices import Slice
+from closedchain.analysis.singularity.sets.slices import Frame, Slice
 from closedchain.closure.solve.solution_set import SOLVED
 
 ITERATIONS = 80  # of a bracket; most need seven
@@ -25,7 +25,6 @@ LONGEST = 0.3  # dimensionless step of Newton's method
 BEYOND = 0.6  # cells: how far from its edge the end of a branch may be found
 ZERO = 1e-11  # singular value of a point that is found
 CLOSED = 1e-11
-NEAR = 0.2  # dimensionless: from where a straight line has its zero to that of a determinant
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,47 +68,8 @@ def on_edges(system: Slice, lattice: Lattice, kind: str, edges: Edges) -> np.nda
 def _zeros(system: Slice, lattice: Lattice, kind: str, edges: Edges) -> np.ndarray:
     """Zeros of the determinant on edges whose ends both lie in the branch.
 
-    Newton's method from where a straight line has its zero; where that leads off the edge, or off
-    the branch, the bracket is narrowed down along the branch.
+    Regula falsi with the Illinois rule, and a halving wherever that is slow.
     """
-    f, g = (
-        np.where(lattice.singular[kind][c], 0.0, lattice.det[kind][c])
-        for c in (tuple(edges.lower.T), tuple(edges.upper.T))
-    )
-    out = np.full((len(edges), lattice.q.shape[-1] + edges.lower.shape[1]), np.nan)
-    crossed = np.flatnonzero(f * g < 0.0)
-    if crossed.size:
-        some = edges.take(crossed)
-        low, high = lattice.place(some.lower), lattice.place(some.upper)
-        share = f[crossed] / (f[crossed] - g[crossed])
-        c = low + share[:, None] * (high - low)
-        q, gone = lattice.follow(
-            np.where(
-                (share < 0.5)[:, None],
-                lattice.q[tuple(some.lower.T)],
-                lattice.q[tuple(some.upper.T)],
-            ),
-            c,
-        )
-        z = system.point(q, c)
-        found = np.full_like(z, np.nan)
-        for begin in range(0, len(z), CHUNK):
-            part = slice(begin, begin + CHUNK)
-            found[part] = newton(system, z[part], some.axis[part])
-        slack = 1e-9 * lattice.cell
-        there = system.coordinates(found)
-        with np.errstate(invalid="ignore"):
-            good = ((there >= low - slack) & (there <= high + slack)).all(axis=1)
-            good &= (gone == 1.0) & (np.linalg.norm(system.difference(z, found), axis=1) < NEAR)
-        out[crossed] = _checked(lattice, kind, found, good)
-    rest = np.flatnonzero(np.isnan(out[:, 0]))
-    if rest.size:
-        out[rest] = _narrowed(lattice, kind, edges.take(rest))
-    return out
-
-
-def _narrowed(lattice: Lattice, kind: str, edges: Edges) -> np.ndarray:
-    """Zeros of the determinant by regula falsi with the Illinois rule, halving where it is slow."""
     n = len(edges)
     name = f"det_{kind}"
     low, high = lattice.place(edges.lower), lattice.place(edges.upper)
@@ -208,7 +168,7 @@ def newton(system: Slice, z: np.ndarray, axis: np.ndarray) -> np.ndarray:
         scale = np.minimum(1.0, LONGEST / np.maximum(sizes[going], LONGEST))
         z = system.move(z[going], -steps[going] * scale[:, None])
         index, last, rows = index[going], worst[going], rows[going]
-        frame = frame.take(going)
+        frame = _some(frame, going)
     return out
 
 
@@ -224,6 +184,11 @@ def _solved(square: np.ndarray, values: np.ndarray) -> np.ndarray:
             except np.linalg.LinAlgError:
                 continue
         return found
+
+
+def _some(frame: Frame, which: np.ndarray) -> Frame:
+    combine = None if frame.combine is None else frame.combine[which]
+    return Frame(combine, tuple((b[which], c[which]) for b, c in frame.borders))
 
 
 def _checked(lattice: Lattice, kind: str, z: np.ndarray, found: np.ndarray) -> np.ndarray:

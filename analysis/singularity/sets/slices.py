@@ -38,22 +38,6 @@ class Frame:
     combine: Combine
     borders: tuple[Borders, ...]
 
-    def take(self, which: np.ndarray) -> Frame:
-        """Frames of some of many points."""
-        combine = None if self.combine is None else self.combine[which]
-        return Frame(combine, tuple((b[which], c[which]) for b, c in self.borders))
-
-    def replaced(self, which: np.ndarray, new: Frame) -> Frame:
-        """The same frames but for some points, (n,) of bool, that have new ones."""
-        combine = self.combine
-        if combine is not None and new.combine is not None:
-            combine = _replaced(combine, which, new.combine)
-        pairs = zip(self.borders, new.borders, strict=True)
-        return Frame(
-            combine,
-            tuple((_replaced(a, which, c), _replaced(b, which, d)) for (a, b), (c, d) in pairs),
-        )
-
 
 @dataclass(frozen=True, eq=False)
 class Slice:
@@ -87,12 +71,6 @@ class Slice:
     def unit(self) -> np.ndarray:
         """Unit of each unknown, (nv + k,)."""
         return np.concatenate([self.mechanism.column_scale, self.chart.scale])
-
-    @cached_property
-    def rows(self) -> int:
-        """Number of equations."""
-        closures = generic_rank(self.mechanism) - self._unfolded
-        return closures + self.codimension + len(self.chart.joints) + len(self.chart.outputs)
 
     @cached_property
     def codimension(self) -> int:
@@ -224,9 +202,3 @@ class Slice:
     def apart_from(self, q: np.ndarray, c: np.ndarray) -> np.ndarray:
         """Rows (..., p) of the chart that are zero where postures have the coordinates ``c``."""
         return self._rows.at(q, c)[0]
-
-
-def _replaced(old: np.ndarray, which: np.ndarray, new: np.ndarray) -> np.ndarray:
-    found = old.copy()
-    found[which] = new
-    return found

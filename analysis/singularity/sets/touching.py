@@ -12,8 +12,6 @@ from collections.abc import Callable
 
 import numpy as np
 
-from closedchain.analysis.singularity.maps.measures import KINDS
-from closedchain.analysis.singularity.sets.classifying import evidence, sigmas_of
 from closedchain.analysis.singularity.sets.edges import CLOSED, ZERO, Edges
 from closedchain.analysis.singularity.sets.lattice import Lattice
 from closedchain.analysis.singularity.sets.meshing import mesh_of
@@ -131,14 +129,14 @@ def _least(
     start = lattice.q[tuple(cells.T)]
     down, up = (lattice.place(cells + s * step) - c for s in (-1, 1))
     at_cell = lattice.sigma[kind][tuple(cells.T)]
+    name = f"sigma_{kind}"
 
     def look(i: np.ndarray, t: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         goal = c[i] + np.where(t[:, None] < 0.0, -t[:, None] * down[i], t[:, None] * up[i])
         q, gone = lattice.follow(start[i], goal)
-        seen = evidence(lattice.chart.mechanism, q, lattice.outputs)
-        sigma = sigmas_of(lattice.chart.mechanism, seen, lattice.outputs)[:, KINDS.index(kind)]
-        bad = (gone < 1.0) | ~(seen.residual < CLOSED)
-        return np.where(bad, np.inf, sigma), q, goal
+        found = lattice.measures(q)
+        bad = (gone < 1.0) | ~(found["residual"] < CLOSED)
+        return np.where(bad, np.inf, found[name]), q, goal
 
     a, b = -np.ones(n), np.ones(n)
     best, share = at_cell.copy(), np.zeros(n)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -10,10 +10,8 @@ import numpy as np
 from closedchain.analysis.singularity.classify import SINGULAR
 from closedchain.analysis.singularity.sets.dimension import dimensions
 from closedchain.analysis.singularity.sets.edges import Edges, on_edges
-from closedchain.analysis.singularity.sets.filling import filled
 from closedchain.analysis.singularity.sets.lattice import Lattice
 from closedchain.analysis.singularity.sets.membership import reached
-from closedchain.analysis.singularity.sets.polishing import polished
 from closedchain.analysis.singularity.sets.seeds import Seed, least_values, seed_on
 from closedchain.analysis.singularity.sets.slices import Slice
 from closedchain.closure.solve.branching import leaving
@@ -22,8 +20,7 @@ from closedchain.closure.solve.outcome import Ending
 from closedchain.closure.solve.solution_set import Bound, settle, tangents
 
 POSTURE_STEP = 0.2  # dimensionless: largest change of an unknown of the posture in a step
-CELL_STEP = 0.5  # cells: largest change of a coordinate from one point to the next
-STRIDE = 3.9  # such changes in a step, where points between can be found afterwards
+CELL_STEP = 0.5  # cells: largest change of a coordinate in a step
 NEAR = 0.1  # of a chord: a point nearer to it than this lies on the curve
 MOST_CURVES = 200
 MOST_RANKS = 3  # that are looked for together
@@ -106,93 +103,52 @@ class Tracker:
         ]
         steps = CELL_STEP * self.lattice.cell / chart.scale
         self.longest = np.concatenate([np.full(model.nv, POSTURE_STEP), steps])
-        self.longer = np.concatenate([np.full(model.nv, POSTURE_STEP), STRIDE * steps])
 
     # -- seeds -----------------------------------------------------------------------------------
 
     def polished(self, seed: Seed) -> np.ndarray | None:
-        """Solution near a seed that is bracketed along an axis, or None.
+        """Solution near a seed, or None.
 
-        The other coordinates are held first, so that the posture cannot slide along the set.
+        Where the seed is bracketed along an axis, the other coordinates are held first, so that
+        the posture cannot slide along the set.
         """
+        for cell in (seed.cell, *seed.others):
+            z = self._polished_from(cell, seed)
+            if z is not None:
+                return z
+        return None
+
+    def _polished_from(self, cell: tuple[int, ...], seed: Seed) -> np.ndarray | None:
+        lattice = self.lattice
         k = len(self.system.chart.names)
-        start = self._start(seed.cell)
-        held = [
-            (self.bounds[i], float(start[self.bounds[i].index])) for i in range(k) if i != seed.axis
-        ]
-        if held and self.system.codimension == 1:
-            found = settle(self.system, start, held)
-            if found.good and self._near(found.posture[None], [seed])[0]:
-                return found.posture
-        z = self.polished_all([seed])[0]
-        return None if np.isnan(z[0]) else z
+        start = self.system.point(lattice.q[cell], lattice.place(np.array([cell]))[0])
+        others = [] if seed.axis is None else [i for i in range(k) if i != seed.axis]
+        held = [(self.bounds[i], float(start[self.bounds[i].index])) for i in others]
+        tries = [(self.system, held)] if held and self.system.codimension == 1 else []
+        tries.append((self.system, []))
+        tries += [(self.system.losing(c), []) for c in self._alike(start)]
+        for system, rows in tries:
+            found = settle(system, start, rows, careful=bool(seed.others))
+            z = found.posture
+            if not found.good or (
+                seed.others and any(b.beyond(z) is not None for b in self.bounds)
+            ):
+                continue
+            moved = (self.system.coordinates(z) - seed.place) / lattice.cell
+            if np.linalg.norm(moved) <= seed.reach and self.system.residual(z) < 1e-11:
+                return z
+        return None
 
-    def polished_all(self, seeds: Sequence[Seed]) -> np.ndarray:
-        """Solutions (n, nq + k) near seeds, from their cells or else from neighbours; or NaN."""
-        out = np.full(
-            (len(seeds), self.system.mechanism.model.nq + len(self.lattice.values)), np.nan
-        )
-        cells = [(seed.cell, *seed.others) for seed in seeds]
-        for rank in range(max(map(len, cells), default=0)):
-            todo = [i for i in np.flatnonzero(np.isnan(out[:, 0])) if rank < len(cells[i])]
-            if todo:
-                starts = np.array([self._start(cells[i][rank]) for i in todo])
-                out[todo] = self._polished_from(starts, [seeds[i] for i in todo])
-        return out
-
-    def _start(self, cell: tuple[int, ...]) -> np.ndarray:
-        place = self.lattice.place(np.array([cell]))[0]
-        return self.system.point(self.lattice.q[cell], place)
-
-    def _polished_from(self, starts: np.ndarray, seeds: Sequence[Seed]) -> np.ndarray:
-        """Solutions near starts (n, nq + k), for losses of the ranks sought and of more; or NaN."""
-        out = self._kept(polished(self.system, starts, careful=bool(seeds[0].others)), seeds)
-        left = np.flatnonzero(np.isnan(out[:, 0]))
-        for coranks, which in self._alike(starts[left]).items():
-            i = left[[j for j in which if np.isnan(out[left[j], 0])]]
-            if i.size:
-                some = [seeds[j] for j in i]
-                system = self.system.losing(coranks)
-                out[i] = self._kept(
-                    polished(system, starts[i], careful=bool(seeds[0].others)), some
-                )
-        return out
-
-    def _kept(self, z: np.ndarray, seeds: Sequence[Seed]) -> np.ndarray:
-        """Solutions (n, nq + k) that seeds may lead to; NaN for the others."""
-        good = self._near(z, seeds)
-        return np.where(good[:, None], z, np.nan)
-
-    def _near(self, z: np.ndarray, seeds: Sequence[Seed]) -> np.ndarray:
-        """Which solutions (n, nq + k) are closed and as near to their seeds as they have to be."""
-        good = np.isfinite(z).all(axis=1)
-        places, reach = np.array([s.place for s in seeds]), np.array([s.reach for s in seeds])
-        for i in np.flatnonzero(good).tolist():
-            outside = bool(seeds[i].others) and any(b.beyond(z[i]) is not None for b in self.bounds)
-            good[i] = not outside
-        moved = (self.system.coordinates(z[good]) - places[good]) / self.lattice.cell
-        near = np.linalg.norm(moved, axis=1) <= reach[good]
-        good[good] = near & (self.system.residual(z[good]) < 1e-11)
-        return good
-
-    def _alike(self, z: np.ndarray) -> dict[tuple[int, ...], list[int]]:
-        """Numbers of ranks that might be lost together near points: values of the same order.
-
-        With the points (n, nq + k) at which they might.
-        """
-        found: dict[tuple[int, ...], list[int]] = {}
-        if not len(z):
-            return found
-        for n, (measure, values) in enumerate(
-            zip(self.system.measures, self.system.values(z), strict=True)
-        ):
-            for k in range(measure.corank + 1, min(MOST_RANKS, values.shape[1] - 1) + 1):
-                alike = values[:, -k] <= ALIKE * values[:, -1]
-                alike &= values[:, -k] <= SMALL * values[:, 0]
-                if alike.any():
+    def _alike(self, z: np.ndarray) -> list[tuple[int, ...]]:
+        """Numbers of ranks that might be lost together near a point: values of the same order."""
+        found = []
+        for n, measure in enumerate(self.system.measures):
+            s = self.system.values(z)[n][::-1]
+            for k in range(measure.corank + 1, min(MOST_RANKS, s.size - 1) + 1):
+                if s[k - 1] <= ALIKE * s[0] and s[k - 1] <= SMALL * s[-1]:
                     more = list(self.system.coranks)
                     more[n] = k
-                    found[tuple(more)] = np.flatnonzero(alike).tolist()
+                    found.append(tuple(more))
         return found
 
     def located(self, kind: str, lattice: Lattice, edges: Edges) -> np.ndarray:
@@ -209,12 +165,15 @@ class Tracker:
     def least(self, kind: str, lattice: Lattice, *, wide: bool) -> Iterator[None]:
         """Trace from the least values of a lattice; yield after each."""
         mine, seeds = self.lattice, least_values(lattice, kind, wide=wide)
-        self.lattice = lattice
-        found = self.polished_all(seeds)
-        self.lattice = mine
-        self.tried += len(found)
-        self.lost += int(np.isnan(found[:, :1]).sum())
-        yield from self.follow(found)
+        for seed in seeds:
+            self.lattice = lattice
+            z = self.polished(seed)
+            self.lattice = mine
+            self.lost += z is None
+            self.tried += 1
+            if z is not None:
+                self.add(z)
+            yield
 
     def follow(self, points: Iterable[np.ndarray | None]) -> Iterator[None]:
         """Trace the curves on which solutions lie, and those that branch off; yield after each."""
@@ -265,13 +224,6 @@ class Tracker:
             if more or not self._constrained(z):
                 self._flat(z, basis)
             return None
-        if self.system.rows == self.system.size - 1:
-            found = both_ways(self.system, z, basis[:, 0], self.longer, self.bounds)
-            points = np.array(found.points)
-            whole = filled(self.system, points, closed=found.closed, longest=self.longest)
-            if whole is not None:
-                points, places = whole
-                return Curve(points, found.ends, tuple(int(places[i]) for i in found.crossings))
         found = both_ways(self.system, z, basis[:, 0], self.longest, self.bounds)
         return Curve(np.array(found.points), found.ends, found.crossings)
 
