@@ -195,7 +195,9 @@ def collect(
         q = piece.points[:, :nq]
         for i, c in enumerate(classified(chart.mechanism, q, outputs)):
             if not wanted(kind) <= c.kinds:
-                dropped += 1  # a zero of the equations, yet not singular by classify
+                # a zero of the equations, yet not singular by classify; closures that lose rank
+                # take that of every matrix with them, whatever the kind
+                dropped += "constraint" not in c.kinds
                 continue
             number[i] = len(points)
             points.append(piece.points[i])
@@ -209,6 +211,8 @@ def collect(
             if piece.ends is not None:
                 ends.append(piece.ends)
         crossings += [int(number[i]) for i in piece.crossings if number[i] >= 0]
+    if not points and verdict != "everywhere":
+        verdict = "none found"
     z = np.array(points).reshape(len(points), nq + k)
     return SingularitySet(
         kind=kind,

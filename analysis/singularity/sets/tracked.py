@@ -7,7 +7,6 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from closedchain.analysis.singularity.classify import SINGULAR
 from closedchain.analysis.singularity.sets.dimension import dimensions
 from closedchain.analysis.singularity.sets.edges import Edges, on_edges
 from closedchain.analysis.singularity.sets.lattice import Lattice
@@ -28,6 +27,7 @@ ALIKE = 5.0  # of the least singular value: others up to there may vanish with i
 SMALL = 0.1  # of the largest one: if they are below that
 UPRIGHT = 1e-4  # share of the coordinates in a direction that leaves them alone
 VANISHED = 1e-7  # of the largest singular value, at a solution
+BLURRED = 1e-4  # dimensionless: from a solution to a constraint singularity that it stands for
 BESIDE = 1e-2  # dimensionless: from a solution to where more ranks are lost
 SAME = 1e-3  # dimensionless: branch points nearer to each other than this are one
 
@@ -209,8 +209,10 @@ class Tracker:
         return float(np.linalg.norm(self.system.difference(one, two)))
 
     def _curve(self, z: np.ndarray) -> Curve | None:
+        if self._constrained(z):
+            return None
         more = self._more_lost(z)
-        if more and (self._constrained(z) or self._together(z)):
+        if more and self._together(z):
             return None
         try:
             basis = tangents(self.system, z)
@@ -221,8 +223,7 @@ class Tracker:
             self.points.append(z)
             return None
         if basis.shape[1] != 1:
-            if more or not self._constrained(z):
-                self._flat(z, basis)
+            self._flat(z, basis)
             return None
         found = both_ways(self.system, z, basis[:, 0], self.longest, self.bounds)
         return Curve(np.array(found.points), found.ends, found.crossings)
@@ -281,15 +282,17 @@ class Tracker:
         if self.system.unfold or not min(measure.shape):
             return False
         s = np.linalg.svd(self.system.at(z).closures, compute_uv=False)
-        if s[min(measure.shape) - 1] > SINGULAR * s[0]:
+        if s[min(measure.shape) - 1] > BLURRED * s[0]:
             return False
-        if "constraint" not in self.inner:
-            system = Slice(self.system.chart, (measure,))
-            self.inner["constraint"] = Tracker(system, self.lattice)
-        inner = self.inner["constraint"]
+        inner = self.inner.get("constraint")
+        if inner is None:
+            inner = Tracker(Slice(self.system.chart, (measure,)), self.lattice)
+        # where branches meet, rounding of the closures lets a posture be off by its root
         found = settle(inner.system, z)
-        if found.good:
-            inner.add(found.posture)
+        if not found.good or self._gap(z, found.posture) > BLURRED:
+            return False
+        self.inner["constraint"] = inner
+        inner.add(found.posture)
         return True
 
     def knows(self, z: np.ndarray) -> bool:
