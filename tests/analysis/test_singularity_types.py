@@ -19,9 +19,10 @@ import closedchain as cc
 from closedchain.analysis.figures.palette import COLOURS, KIND_LABELS
 from closedchain.analysis.singularity.kinds import COMBINED, KINDS, TYPES, kinds_of, title, types_of
 from closedchain.analysis.singularity.rank_loss import Ranks
-from closedchain.closure.generic import GenericRanks, generic_postures, generic_ranks
+from closedchain.closure.generic import GenericRanks, generic_ranks
 from closedchain.closure.loading import mechanism_from_description
 from closedchain.closure.ranks import Rank
+from closedchain.closure.solve.samples import closed_samples
 from closedchain.robots.overlays import PALETTE
 
 
@@ -208,7 +209,7 @@ def test_too_few_inputs_are_said() -> None:
     assert (found.mobility, found.undriven, found.idle) == (2, 1, 0)
     sentence = "1 freedom of 2 is not driven by its 1 input"
     assert sentence in found.text
-    for q in generic_postures(m)[:4]:
+    for q in closed_samples(m)[:4]:
         at = cc.classify(m, q)
         assert at.kinds == {"direct"}
         assert at.types == {"RO"}
@@ -237,7 +238,7 @@ def test_architecturally_singular_platforms() -> None:
     assert (generic.motions, generic.inputs.value, generic.together.value) == (6, 5, 6)
     assert generic.inputs.gap > 1e8
     assert "Architecturally singular: its 6 inputs drive only 5 of the 6" in cc.mobility(m).text
-    for q in generic_postures(m)[:4]:
+    for q in closed_samples(m)[:4]:
         found = cc.classify(m, q)
         assert found.kinds == {"direct"}
         assert "Architecturally singular" in found.text
@@ -250,7 +251,7 @@ def test_idle_freedoms_are_named_and_singular_nowhere() -> None:
     m = linkages.spatial_four_bar(hooke=False)
     assert (cc.mobility(m).idle, cc.mobility(m).undriven) == (1, 0)
     assert "1 freedom of 2 is idle" in " ".join(cc.mobility(m).text.split())
-    for q in generic_postures(m)[1:4]:
+    for q in closed_samples(m)[1:4]:
         assert cc.classify(m, q).kinds == frozenset()
 
 
