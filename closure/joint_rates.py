@@ -28,6 +28,7 @@ import pinocchio as pin
 
 from closedchain.closure.closures import Closure
 from closedchain.closure.mechanism import Mechanism
+from closedchain.closure.rows import by_columns
 
 _WORLD = pin.LOCAL_WORLD_ALIGNED
 
@@ -180,4 +181,5 @@ def _frame(mechanism: Mechanism, joint: int, placement: pin.SE3) -> tuple[np.nda
         return np.array(placement.translation), np.zeros((6, mechanism.model.nv))
     model, data = mechanism.model, mechanism.workspace.data
     place = np.array(data.oMi[joint].act(placement.translation))
-    return place, np.array(pin.getFrameJacobian(model, data, joint, placement, _WORLD))
+    found = pin.getFrameJacobian(model, data, joint, placement, _WORLD)
+    return place, by_columns(np.array(found))

@@ -16,6 +16,11 @@ from closedchain.closure.tape.jets import jets, parts
 from closedchain.closure.tape.vectors import add, cross, matmul
 
 
+def by_columns(matrix: np.ndarray) -> np.ndarray:
+    """A matrix of Pinocchio's as such: it hands those of one column over as vectors (rows,)."""
+    return matrix if matrix.ndim == 2 else matrix[:, None]
+
+
 def cut_values(closure: Closure, gap: pin.SE3) -> list[float]:
     """Rows of a cut joint [m], [rad]."""
     kind = closure.joint_kind
@@ -68,7 +73,8 @@ def fixed_drift(
     """
     gap = anchor_data.c1Mc2
     in_frame_two = gap.inverse().action
-    twist = pin.Motion(in_frame_two @ (anchor.jacobian(model, data, anchor_data) @ v))
+    relative = by_columns(anchor.jacobian(model, data, anchor_data))
+    twist = pin.Motion(in_frame_two @ (relative @ v))
     # The anchor's acceleration error is the derivative of the twist seen in frame 1; seen in
     # frame 2 it gains no term, because a twist does not change along itself.
     rate = in_frame_two @ anchor_data.constraint_acceleration_error

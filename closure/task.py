@@ -15,6 +15,7 @@ import numpy as np
 import pinocchio as pin
 
 from closedchain.closure.mechanism import Mechanism
+from closedchain.closure.rows import by_columns
 from closedchain.urdf.description import OUTPUTS
 
 WORLD_ALIGNED = pin.LOCAL_WORLD_ALIGNED
@@ -111,4 +112,5 @@ def _jacobian(mechanism: Mechanism, joint: int, placement: pin.SE3) -> np.ndarra
     if joint == 0:
         return np.zeros((6, mechanism.model.nv))
     data = mechanism.workspace.data
-    return np.array(pin.getFrameJacobian(mechanism.model, data, joint, placement, WORLD_ALIGNED))
+    found = pin.getFrameJacobian(mechanism.model, data, joint, placement, WORLD_ALIGNED)
+    return by_columns(np.array(found))

@@ -13,7 +13,14 @@ import numpy as np
 import pinocchio as pin
 
 from closedchain.closure.closures import Closure, Coupling
-from closedchain.closure.rows import cut_drift, cut_rows, cut_values, fixed_drift, least_sense
+from closedchain.closure.rows import (
+    by_columns,
+    cut_drift,
+    cut_rows,
+    cut_values,
+    fixed_drift,
+    least_sense,
+)
 from closedchain.urdf.errors import ClosureError
 
 
@@ -108,28 +115,32 @@ class Workspace:
         pin.computeJointJacobians(model, data, q)
         out = self._point_residuals()
         if self.only_points:
-            return out, pin.getConstraintsJacobian(model, data, self.point_models, self.point_data)
+            return out, self._point_jacobian()
         jacobian = np.zeros((self.rows, model.nv))
         if self.point_views:
-            jacobian[self.point_rows] = pin.getConstraintsJacobian(
-                model, data, self.point_models, self.point_data
-            )
+            jacobian[self.point_rows] = self._point_jacobian()
         for where, anchor, anchor_data in self.frames:
             anchor.calc(model, data, anchor_data)
             out[where] = anchor_data.constraint_position_error
             gap = anchor_data.c1Mc2
             # the anchor's Jacobian is a relative twist in frame 1; the residual is log6(gap)
             to_log = pin.Jlog6(gap) @ gap.inverse().action
-            jacobian[where] = to_log @ anchor.jacobian(model, data, anchor_data)
+            jacobian[where] = to_log @ _relative(anchor, anchor_data, model, data)
         for where, closure, anchor, anchor_data in self.cuts:
             anchor.calc(model, data, anchor_data)
             out[where], wrenches = cut_rows(closure, anchor_data.c1Mc2)
-            jacobian[where] = wrenches @ anchor.jacobian(model, data, anchor_data)
+            jacobian[where] = wrenches @ _relative(anchor, anchor_data, model, data)
         for where, coupling in self.couplings:
             out[where] = coupling.value(q)
             for column, slope in coupling.gradient(q):
                 jacobian[where, column] += slope
         return out, jacobian
+
+    def _point_jacobian(self) -> np.ndarray:
+        """Jacobian of the rows of the spherical closures."""
+        model, data = self.model, self.data
+        found = pin.getConstraintsJacobian(model, data, self.point_models, self.point_data)
+        return by_columns(found)
 
     def _point_residuals(self) -> np.ndarray:
         """Residual (rows,) with the rows of the spherical closures filled in."""
@@ -159,7 +170,7 @@ class Workspace:
             out[where] = fixed_drift(model, data, anchor, anchor_data, v)
         for where, closure, anchor, anchor_data in self.cuts:
             anchor.calc(model, data, anchor_data)
-            twist = anchor.jacobian(model, data, anchor_data) @ v
+            twist = _relative(anchor, anchor_data, model, data) @ v
             rate = anchor_data.constraint_acceleration_error
             out[where] = cut_drift(closure, anchor_data.c1Mc2, twist, rate)
         for where, coupling in self.couplings:
@@ -186,3 +197,10 @@ def _as_index(rows: np.ndarray) -> np.ndarray | slice:
 
 def _anchor(kind: type, model: pin.Model, closure: Closure) -> Any:
     return kind(model, closure.joint1, closure.placement1, closure.joint2, closure.placement2)
+
+
+def _relative(
+    anchor: pin.FrameAnchorConstraintModel, anchor_data: Any, model: pin.Model, data: pin.Data
+) -> np.ndarray:
+    """Jacobian (6, nv) of the twist of frame 2 against frame 1, along the axes of frame 1."""
+    return by_columns(anchor.jacobian(model, data, anchor_data))

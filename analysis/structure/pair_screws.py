@@ -19,6 +19,7 @@ from closedchain.analysis.structure.loops import LoopGraph, Pair
 from closedchain.closure.closures import Closure, Coupling
 from closedchain.closure.mechanism import Mechanism
 from closedchain.closure.ranks import Rank, null_space, numerical_rank
+from closedchain.closure.rows import by_columns
 
 
 @dataclass(frozen=True)
@@ -155,7 +156,7 @@ def pair_screws(
         columns = [model.idx_vs[j] for j in ids]
         jacobian = np.hstack(
             [
-                pin.getJointJacobian(model, data, j, pin.WORLD)[:, [c]]
+                by_columns(pin.getJointJacobian(model, data, j, pin.WORLD))[:, [c]]
                 for j, c in zip(ids, columns, strict=True)
             ]
         )
