@@ -64,3 +64,21 @@ def null_space(matrix: np.ndarray, tolerance: float = RANK_TOLERANCE) -> tuple[n
     _, s, vt = np.linalg.svd(matrix, full_matrices=True)
     rank = rank_of_singular_values(s, tolerance)
     return np.ascontiguousarray(vt[rank.value :].T), rank
+
+
+def independent_rows(matrices: np.ndarray, rank: int) -> tuple[int, ...]:
+    """Rows, ``rank`` of them, that are independent in every one of (n, rows, columns) matrices.
+
+    One after the other, that which stands out most of the span of those before, where it stands
+    out least among the matrices.
+    """
+    left = matrices.copy()
+    chosen: list[int] = []
+    for _ in range(rank):
+        heights = np.linalg.norm(left, axis=2).min(axis=0)
+        heights[chosen] = -1.0
+        best = int(np.argmax(heights))
+        chosen.append(best)
+        unit = left[:, best] / np.maximum(np.linalg.norm(left[:, best], axis=1), 1e-300)[:, None]
+        left = left - np.einsum("nrc,nc->nr", left, unit)[:, :, None] * unit[:, None, :]
+    return tuple(sorted(chosen))

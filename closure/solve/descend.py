@@ -44,11 +44,13 @@ def descend(
     radius: float = 0.5,
     evaluations: int = 200,
     settle: float = 1e-10,
+    floor: float = RANK_TOLERANCE,
 ) -> Descent:
     """Minimise the scaled residual from ``q``; ``radius`` limits the first step (dimensionless).
 
     Stops at an open posture once the linear model promises to lower the squared residual by less
-    than the share ``settle``: no closed posture is near then.
+    than the share ``settle``: no closed posture is near then. Directions with a singular value
+    below the share ``floor`` of the largest stay still.
     """
     values, matrix = equations.evaluate(q)
     scaled = values / equations.row_scale
@@ -56,7 +58,7 @@ def descend(
     count = 1
     while count < evaluations and cost > 0.0 and matrix.size:
         u, s, vt = np.linalg.svd(matrix, full_matrices=False)
-        step_in_v = _bounded_step(s, u.T @ scaled, radius)
+        step_in_v = _bounded_step(s, u.T @ scaled, radius, floor)
         step = vt.T @ step_in_v
         size = float(np.linalg.norm(step))
         if size < 1e-15 or radius < 1e-14:
@@ -83,13 +85,13 @@ def descend(
     return Descent(q, values, matrix, count)
 
 
-def _bounded_step(s: np.ndarray, target: np.ndarray, radius: float) -> np.ndarray:
+def _bounded_step(s: np.ndarray, target: np.ndarray, radius: float, floor: float) -> np.ndarray:
     """Damped step in the right singular basis, no longer than ``radius``.
 
-    -s c / (s^2 + mu) with the smallest mu >= 0 that keeps the bound; directions below the rank
-    tolerance stay still.
+    -s c / (s^2 + mu) with the smallest mu >= 0 that keeps the bound; directions below the share
+    ``floor`` of the largest stay still.
     """
-    keep = s > RANK_TOLERANCE * s[0]
+    keep = s > floor * s[0]
     step = np.zeros_like(s)
     step[keep] = -target[keep] / s[keep]
     if np.linalg.norm(step) <= radius:

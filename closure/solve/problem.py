@@ -14,6 +14,7 @@ import numpy as np
 import pinocchio as pin
 
 from closedchain.closure.mechanism import Mechanism
+from closedchain.closure.ranks import independent_rows
 from closedchain.closure.solve.samples import closed_samples
 from closedchain.closure.tape.elimination import Elimination, eliminate
 from closedchain.closure.tape.expression import Expr, Graph
@@ -198,21 +199,3 @@ def flat_poses(poses: Sequence[pin.SE3]) -> np.ndarray:
 def pose_of(numbers: Sequence[Expr], length: float) -> Pose:
     """Pose with its origin in lengths, from its POSE numbers."""
     return rotation(numbers[3:7]), [(1.0 / length) * x for x in numbers[:3]]
-
-
-def independent_rows(matrices: np.ndarray, rank: int) -> tuple[int, ...]:
-    """Rows, ``rank`` of them, that are independent in every one of (n, rows, columns) matrices.
-
-    One after the other, that which stands out most of the span of those before, where it stands
-    out least among the matrices.
-    """
-    left = matrices.copy()
-    chosen: list[int] = []
-    for _ in range(rank):
-        heights = np.linalg.norm(left, axis=2).min(axis=0)
-        heights[chosen] = -1.0
-        best = int(np.argmax(heights))
-        chosen.append(best)
-        unit = left[:, best] / np.maximum(np.linalg.norm(left[:, best], axis=1), 1e-300)[:, None]
-        left = left - np.einsum("nrc,nc->nr", left, unit)[:, :, None] * unit[:, None, :]
-    return tuple(sorted(chosen))
