@@ -186,6 +186,11 @@ class Mechanism:
                 upper[joint.idx_q] = self.model.upperPositionLimit[joint.idx_q]
         return lower, upper
 
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What was read over in the description or assumed about it, one sentence each."""
+        return self.description.notes
+
     @cached_property
     def known(self) -> dict[Any, Any]:
         """What was made from this mechanism once and for all, such as machine code; not pickled."""

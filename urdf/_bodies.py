@@ -41,13 +41,20 @@ _MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 ONE_DOF = ("revolute", "continuous", "prismatic")
 
 
-def read_link(element: Element) -> Link:
-    """Read one ``<link>``; shapes are checked and counted, not kept."""
+def read_link(element: Element, notes: list[str]) -> Link:
+    """Read one ``<link>``; shapes are checked and counted, not kept.
+
+    Shapes that URDF does not have are taken out, with a note in ``notes``.
+    """
     _xml.allow(element, ("name", "type"), ("inertial", "visual", "collision"))
     name = _name(element)
     inertial = _xml.only_child(element, "inertial")
     for shape in (*element.findall("visual"), *element.findall("collision")):
-        _check_shape(shape)
+        if shape.find("geometry") is not None and not len(shape.find("geometry")):
+            notes.append(f"line {shape.sourceline}: <{shape.tag}> in <link {name!r}> has no shape")
+            element.remove(shape)
+        else:
+            _check_shape(shape)
     return Link(
         name=name,
         inertial=None if inertial is None else _inertial(inertial),
@@ -101,7 +108,7 @@ def _check_shape(element: Element) -> None:
 def read_joint(element: Element, notes: list[str]) -> tuple[Joint, Coupling | None]:
     """Read one ``<joint>``, and its ``<mimic>`` if it has one.
 
-    Bounds that the type does not have are noted in ``notes``.
+    Bounds that the type does not have, or that are left out, are noted in ``notes``.
     """
     _xml.allow(
         element,
@@ -129,7 +136,7 @@ def read_joint(element: Element, notes: list[str]) -> tuple[Joint, Coupling | No
     )
     if joint.parent == joint.child:
         raise _xml.error(element, f"the joint connects the link {joint.child!r} with itself")
-    return joint, _mimic(element, joint)
+    return joint, _mimic(element, joint, notes)
 
 
 def _type(element: Element) -> JointType:
@@ -154,7 +161,11 @@ def _axis(element: Element, kind: JointType) -> Vector3:
 
 
 def _limits(element: Element, kind: JointType, notes: list[str]) -> tuple[float, float]:
-    """Bounds of the joint value, rad or m. As in URDF, a bound left out is zero."""
+    """Bounds of the joint value, rad or m.
+
+    As in URDF, a bound left out is zero. With both left out the joint would not move: exporters
+    write that for a joint without bounds, and so it is read.
+    """
     free = float("-inf"), float("inf")
     limit = _xml.only_child(element, "limit")
     bounded = kind in ("revolute", "prismatic")
@@ -171,6 +182,12 @@ def _limits(element: Element, kind: JointType, notes: list[str]) -> tuple[float,
     for attribute in ("effort", "velocity"):
         if _xml.number(limit, attribute, None if kind in ONE_DOF else 0.0) < 0.0:
             raise _xml.error(limit, f"{attribute}={limit.get(attribute)!r} must not be negative")
+    if bounded and limit.get("lower") is None and limit.get("upper") is None:
+        notes.append(
+            f"line {limit.sourceline}: <limit> in <joint {element.get('name')!r}> has neither "
+            "lower nor upper: the joint was taken as one without bounds"
+        )
+        return free
     if not bounded:
         given = [key for key in ("lower", "upper") if limit.get(key) is not None]
         if given or kind not in ONE_DOF:
@@ -185,15 +202,17 @@ def _limits(element: Element, kind: JointType, notes: list[str]) -> tuple[float,
     return lower, upper
 
 
-def _mimic(element: Element, joint: Joint) -> Coupling | None:
+def _mimic(element: Element, joint: Joint, notes: list[str]) -> Coupling | None:
     mimic = _xml.only_child(element, "mimic")
     if mimic is None:
         return None
     _xml.allow(mimic, ("joint", "multiplier", "offset"))
     if joint.type not in ONE_DOF:
-        raise _xml.error(
-            mimic, f"a {joint.type} joint cannot follow another; allowed: {', '.join(ONE_DOF)}"
+        notes.append(
+            f"line {mimic.sourceline}: <mimic> in <joint {joint.name!r}> was not read: a "
+            f"{joint.type} joint follows none"
         )
+        return None
     return Coupling(
         joint=joint.name,
         leader=_xml.text(mimic, "joint"),

@@ -144,33 +144,51 @@ def _at(closure: LoopClosure, message: str) -> DescriptionError:
     return DescriptionError(message, line=closure.line, element="constraint", name=closure.name)
 
 
-def check_couplings(
-    couplings: Sequence[Coupling], joints: Mapping[str, Joint], one_dof: Sequence[str]
-) -> None:
-    """Refuse leaders that do not exist or have no single value, and followers in a circle."""
-    leaders = {coupling.joint: coupling.leader for coupling in couplings}
+def known_couplings(
+    couplings: Sequence[Coupling],
+    joints: Mapping[str, Joint],
+    one_dof: Sequence[str],
+    notes: list[str],
+) -> tuple[Coupling, ...]:
+    """Couplings whose leader is there; the others are noted, as stock parsers read over them.
+
+    Raises
+    ------
+    DescriptionError
+        Joints that follow each other in a circle.
+    """
+    kept: list[Coupling] = []
     for coupling in couplings:
         problem = ""
         if coupling.leader not in joints:
-            problem = known_names(coupling.leader, "joint", joints)
-        elif coupling.leader == coupling.joint:
-            problem = "the joint follows itself"
+            problem = known_names(coupling.leader, "joint", joints, most=8)
         elif joints[coupling.leader].type not in one_dof:
             kind = joints[coupling.leader].type
             problem = (
                 f"the leader {coupling.leader!r} is {kind}; a leader is one of: "
                 f"{', '.join(one_dof)}"
             )
-        else:
-            chain = [coupling.joint]
-            while chain[-1] in leaders and chain.count(chain[-1]) == 1:
-                chain.append(leaders[chain[-1]])
-            if chain.count(chain[-1]) > 1:
-                problem = f"joints follow each other in a circle: {' -> '.join(chain)}"
         if problem:
-            raise DescriptionError(
-                f"<mimic>: {problem}", line=coupling.line, element="joint", name=coupling.joint
+            notes.append(
+                f"line {coupling.line}: <mimic> in <joint {coupling.joint!r}> was not read, so the "
+                f"joint is free: {problem}"
             )
+        else:
+            kept.append(coupling)
+    leaders = {coupling.joint: coupling.leader for coupling in kept}
+    for coupling in kept:
+        chain = [coupling.joint]
+        while chain[-1] in leaders and chain.count(chain[-1]) == 1:
+            chain.append(leaders[chain[-1]])
+        if chain.count(chain[-1]) == 1:
+            continue
+        problem = f"joints follow each other in a circle: {' -> '.join(chain)}"
+        if coupling.leader == coupling.joint:
+            problem = "the joint follows itself"
+        raise DescriptionError(
+            f"<mimic>: {problem}", line=coupling.line, element="joint", name=coupling.joint
+        )
+    return tuple(kept)
 
 
 def check_relations(
@@ -193,15 +211,17 @@ def check_relations(
                 )
 
 
-def refuse_shared_joints(inputs: Sequence[Input]) -> None:
-    """Refuse two inputs that drive the same joint."""
+def without_second_drives(inputs: Sequence[Input], notes: list[str]) -> tuple[Input, ...]:
+    """Inputs, the first one of each joint; the others are noted."""
     first: dict[str, str] = {}
+    kept: list[Input] = []
     for item in inputs:
         if item.joint in first:
-            raise DescriptionError(
-                f"the joint {item.joint!r} is already driven by the input {first[item.joint]!r}",
-                line=item.line,
-                element="transmission",
-                name=item.name,
+            notes.append(
+                f"line {item.line}: <transmission {item.name!r}> is not taken as an input: the "
+                f"joint {item.joint!r} is already driven by the input {first[item.joint]!r}"
             )
-        first[item.joint] = item.name
+        else:
+            first[item.joint] = item.name
+            kept.append(item)
+    return tuple(kept)

@@ -23,31 +23,50 @@ _UNIT = 1e-6  # how far the length of a quaternion may be from one
 
 
 def read_input(
-    element: Element, joints: Mapping[str, Joint], followers: Mapping[str, str]
-) -> Input:
-    """Read one ``<transmission>``.
+    element: Element,
+    joints: Mapping[str, Joint],
+    followers: Mapping[str, str],
+    notes: list[str],
+) -> Input | None:
+    """Read one ``<transmission>``; None, with a note, where no input can be made of it.
+
+    Robots carry transmissions that their controllers use otherwise: over two joints (a
+    differential), on joints that were frozen or left out, on joints that follow another.
 
     Parameters
     ----------
     joints : mapping name -> Joint
     followers : mapping name of a mimic joint -> name of its leader
+    notes : list
+        What was read over is noted here.
     """
     _xml.allow(element, ("name", "type"), ("joint",))
     name = _xml.text(element, "name")
-    reference = _xml.required_child(element, "joint")
-    _xml.allow(reference, ("name",))
-    joint = _known_joint(reference, joints)
-    if joint.type not in ONE_DOF:
-        raise _xml.error(
-            element,
-            f"the joint {joint.name!r} is {joint.type}; an input is one of: {', '.join(ONE_DOF)}",
+    of_ros = element.get("type") is not None  # with the class that drives it
+    references = element.findall("joint")
+    if not references and not of_ros:
+        _xml.required_child(element, "joint")
+    driven = []
+    for reference in references:
+        _xml.allow(reference, ("name",))
+        if not of_ros or _xml.text(reference, "name") in joints:
+            driven.append(_known_joint(reference, joints))
+    joint, why = driven[0] if driven else None, ""
+    if len(references) > 1:
+        listed = ", ".join(str(reference.get("name")) for reference in references)
+        why = f"it is over {len(references)} joints, {listed}"
+    elif joint is None:
+        missing = [repr(reference.get("name")) for reference in references]
+        why = f"there is no joint {missing[0]}" if missing else "it names no joint"
+    elif joint.type not in ONE_DOF:
+        why = f"the joint {joint.name!r} is {joint.type}; an input is one of: {', '.join(ONE_DOF)}"
+    elif joint.name in followers:
+        why = f"the joint {joint.name!r} follows {followers[joint.name]!r} (mimic)"
+    if joint is None or why:
+        notes.append(
+            f"line {element.sourceline}: <transmission {name!r}> is not taken as an input: {why}"
         )
-    if joint.name in followers:
-        raise _xml.error(
-            element,
-            f"the joint {joint.name!r} follows {followers[joint.name]!r} (mimic); an input must "
-            "be free to move",
-        )
+        return None
     return Input(name=name, joint=joint.name, line=element.sourceline)
 
 

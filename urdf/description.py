@@ -180,8 +180,8 @@ class Description:
         (x y z qx qy qz qw) for a floating one. Joints not listed are at zero.
     states : mapping name -> (mapping joint name -> values)
         Every further ``<group_state>``, in document order. Joints not listed are as at home.
-    ignored : tuple of str
-        Elements that were read over on purpose (``<gazebo>`` and the like), one note each.
+    notes : tuple of str
+        What was read over (``<gazebo>`` and the like) or assumed, one sentence each.
     parameters : mapping
         xacro arguments and the values in force.
     text : str
@@ -203,7 +203,7 @@ class Description:
     home: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
     states: Mapping[str, Mapping[str, tuple[float, ...]]] = field(default_factory=dict)
     remarks: tuple[Remark, ...] = ()
-    ignored: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
     parameters: Mapping[str, ParameterValue] = field(default_factory=dict)
     text: str = field(default="", repr=False)
     source: str | None = field(default=None, repr=False, compare=False)
@@ -232,7 +232,7 @@ class Description:
                 dict(self.home),
                 {name: dict(values) for name, values in self.states.items()},
                 self.remarks,
-                self.ignored,
+                self.notes,
                 dict(self.parameters),
                 self.text,
                 self.source,

@@ -48,10 +48,15 @@ class ClosureError(ClosedChainError):
     """A question to a mechanism that it cannot answer: unknown name, wrong shape, not closed."""
 
 
-def known_names(wanted: str, kind: str, known: Iterable[str]) -> str:
-    """Sentence that says ``wanted`` is unknown, guesses what was meant and lists what exists."""
+def known_names(wanted: str, kind: str, known: Iterable[str], *, most: int | None = None) -> str:
+    """Sentence that says ``wanted`` is unknown, guesses what was meant and lists what exists.
+
+    ``most`` is how many names are listed; all of them by default.
+    """
     names = list(known)
     close = get_close_matches(wanted, names, n=1)
     hint = f" (did you mean {close[0]!r}?)" if close else ""
-    listed = ", ".join(names) if names else "none"
+    listed = ", ".join(names[:most]) if names else "none"
+    if most is not None and len(names) > most:
+        listed += f" and {len(names) - most} others"
     return f"unknown {kind} {wanted!r}{hint}; known: {listed}"

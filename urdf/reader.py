@@ -1,6 +1,6 @@
 """From URDF text to a checked `Description`.
 
-Nothing is dropped silently: what belongs to other programs is noted in ``Description.ignored``,
+Nothing is dropped silently: what belongs to other programs is noted in ``Description.notes``,
 what is wrong or unknown is refused with its line, element and name.
 """
 
@@ -18,11 +18,11 @@ from closedchain.urdf import _xml
 from closedchain.urdf._bodies import ONE_DOF, read_joint, read_link
 from closedchain.urdf._checks import (
     check_closures,
-    check_couplings,
     check_relations,
+    known_couplings,
     refuse_duplicates,
-    refuse_shared_joints,
     root_of,
+    without_second_drives,
 )
 from closedchain.urdf._foreign import set_aside
 from closedchain.urdf._roles import read_input, read_remark, read_state, read_task
@@ -104,10 +104,9 @@ def read(text: str, *, parameters: Mapping[str, ParameterValue] = _NONE) -> Desc
     _xml.allow(root, ("name", "version"), _ROOT_ELEMENTS)
     name = _xml.text(root, "name")
 
-    links = tuple(read_link(element) for element in root.findall("link"))
+    links = tuple(read_link(element, notes) for element in root.findall("link"))
     pairs = [read_joint(element, notes) for element in root.findall("joint")]
     joints = tuple(joint for joint, _ in pairs)
-    couplings = tuple(coupling for _, coupling in pairs if coupling is not None)
     constraints = tuple(read_constraint(element) for element in root.findall(CONSTRAINT))
     closures = tuple(c for c in constraints if isinstance(c, LoopClosure))
     relations = tuple(c for c in constraints if isinstance(c, JointRelation))
@@ -116,14 +115,17 @@ def read(text: str, *, parameters: Mapping[str, ParameterValue] = _NONE) -> Desc
     refuse_duplicates(constraints, CONSTRAINT)
     top = root_of(name, root.sourceline, links, joints)
     by_name = {joint.name: joint for joint in joints}
-    check_couplings(couplings, by_name, ONE_DOF)
+    mimics = [coupling for _, coupling in pairs if coupling is not None]
+    couplings = known_couplings(mimics, by_name, ONE_DOF, notes)
     check_relations(relations, by_name, ONE_DOF)
     check_closures(closures, links, joints)
 
     followers = {coupling.joint: coupling.leader for coupling in couplings}
-    inputs = tuple(read_input(e, by_name, followers) for e in root.findall("transmission"))
-    refuse_duplicates(inputs, "transmission")
-    refuse_shared_joints(inputs)
+    read_inputs = [
+        read_input(element, by_name, followers, notes) for element in root.findall("transmission")
+    ]
+    driven = without_second_drives([item for item in read_inputs if item is not None], notes)
+    refuse_duplicates(driven, "transmission")
     states = _states(root, by_name)
     return Description(
         name=name,
@@ -133,12 +135,12 @@ def read(text: str, *, parameters: Mapping[str, ParameterValue] = _NONE) -> Desc
         closures=closures,
         couplings=couplings,
         relations=relations,
-        inputs=inputs,
+        inputs=driven,
         task=_task(root, [link.name for link in links]),
         home=states.pop(_HOME, {}),
         states=states,
         remarks=tuple(read_remark(element) for element in root.findall("remark")),
-        ignored=tuple(notes),
+        notes=tuple(notes),
         parameters=parameters,
         text=text,
     )

@@ -99,7 +99,7 @@ def info(mechanism: Mechanism, json: bool) -> None:
         say("")
         table(("parameter", "value"), list(mechanism.parameters.items()))
     say(f"\n{counted.text}")
-    for note in mechanism.description.ignored:
+    for note in mechanism.notes:
         say(f"note: {note}")
 
 
@@ -142,7 +142,7 @@ def _info_data(mechanism: Mechanism) -> dict[str, Any]:
             for c in mechanism.closures
         ],
         "parameters": mechanism.parameters,
-        "ignored": mechanism.description.ignored,
+        "notes": mechanism.notes,
     }
 
 

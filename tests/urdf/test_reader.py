@@ -133,12 +133,12 @@ def test_home_is_normalised(four_bar):
 
 
 def test_what_is_not_read_is_noted(four_bar):
-    notes = "\n".join(four_bar.ignored)
+    notes = "\n".join(four_bar.notes)
     for word in ("<gazebo>", "<dynamics>", "<type>", "<actuator>",
                  "<hardwareInterface>"):  # fmt: skip
         assert word in notes
     assert "material" not in notes
-    assert all(note.startswith("line ") for note in four_bar.ignored)
+    assert all(note.startswith("line ") for note in four_bar.notes)
 
 
 def test_a_description_pickles(four_bar):
@@ -154,7 +154,7 @@ def test_keeps_text_and_parameters():
 def test_bounds_of_a_continuous_joint_are_noted():
     text = FOUR_BAR.replace("<mimic", '<limit lower="-1" upper="1" effort="1" velocity="1"/><mimic')
     description = read(text)
-    assert any("continuous joint has no bounds" in note for note in description.ignored)
+    assert any("continuous joint has no bounds" in note for note in description.notes)
     assert description.joints[2].upper == math.inf
 
 
@@ -168,7 +168,7 @@ def test_other_namespaces_are_noted():
         '<robot name="four_bar"',
         '<robot xmlns:x="urn:x" xmlns:xsi="urn:xsi" xsi:where="there" name="four_bar"',
     ).replace('<link name="rod"/>', '<link name="rod" x:y="1"><x:colour name="c"/></link>')
-    notes = "\n".join(read(text).ignored)
+    notes = "\n".join(read(text).notes)
     assert "attribute where of <robot>" in notes
     assert "attribute y of <link>" in notes
     assert "<x:colour> in <link 'rod'>" in notes
@@ -176,7 +176,7 @@ def test_other_namespaces_are_noted():
 
 def test_attributes_of_other_programs_are_noted():
     text = FOUR_BAR.replace('name="a" type', 'name="a" dont_collapse="true" type', 1)
-    assert any("dont_collapse of <joint>" in note for note in read(text).ignored)
+    assert any("dont_collapse of <joint>" in note for note in read(text).notes)
 
 
 def test_a_default_namespace_does_no_harm(four_bar):
