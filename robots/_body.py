@@ -111,6 +111,11 @@ def _visuals(mechanism: Mechanism) -> tuple[pin.GeometryModel | None, str]:
         model = pin.buildGeomFromUrdfString(mechanism.model, text, pin.GeometryType.VISUAL)
     except (ValueError, RuntimeError) as error:
         return None, f"drawn as sticks: the visuals cannot be read ({str(error).strip()[:200]})"
+    for shape in model.geometryObjects:
+        if shape.meshPath:
+            # Its triangles, read and scaled by Pinocchio, are drawn. The file itself would bring
+            # all else that it holds into the page, and images that it names, wherever they lie.
+            shape.meshPath, shape.meshScale = "", np.ones(3)
     return model, ""
 
 

@@ -1,12 +1,20 @@
-"""The HTML page around a scene: style, legend, labels in the scene, player. It loads nothing."""
+"""The HTML page around a scene: style, legend, labels in the scene, player.
+
+It loads nothing, and says so to the browser: a content security policy allows the scripts that
+stand in the page, known by their digests, and forbids every other script and every connection.
+Names from a description reach the page as text only, through `html.escape` or `json_in_script`.
+"""
 
 from __future__ import annotations
 
 import base64
 import html
 import json
+import re
 from collections.abc import Sequence
+from hashlib import sha256
 from importlib.resources import files
+from typing import Any
 
 import numpy as np
 
@@ -160,18 +168,40 @@ requestAnimationFrame(step);
 """
 
 
+_SCRIPT = re.compile(r"<script>(.*?)</script>", re.S)
+_POLICY = (
+    "default-src 'none'; script-src {digests}; style-src 'unsafe-inline'; img-src data: blob:; "
+    "base-uri 'none'; form-action 'none'"
+)
+
+
 def page(title: str, legend: str, commands: Sequence[bytes], rest: str) -> str:
     """Put a page together; ``legend`` and ``rest`` are HTML."""
     library = (files("meshcat") / "viewer" / "dist" / "main.min.js").read_text(encoding="utf-8")
     encoded = ",\n".join(f'"{base64.b64encode(command).decode()}"' for command in commands)
     name = html.escape(title)
-    return (
-        '<!DOCTYPE html>\n<html lang="en">\n'
-        f'<head><meta charset="utf-8"><title>{name}</title>\n<style>{_STYLE}</style></head>\n'
+    body = (
         f'<body><div id="meshcat-pane"></div>\n'
         f'<div id="legend"><h1>{name}</h1>\n{legend}</div>\n'
         f"<script>{library}</script>\n<script>{_DRAW % encoded}</script>\n{rest}</body></html>\n"
     )
+    return (
+        '<!DOCTYPE html>\n<html lang="en">\n<head><meta charset="utf-8">\n'
+        f'<meta http-equiv="Content-Security-Policy" content="{_policy(body)}">\n'
+        f"<title>{name}</title>\n<style>{_STYLE}</style></head>\n{body}"
+    )
+
+
+def _policy(body: str) -> str:
+    """What the browser may do with a page: run its own scripts, and show what is in it."""
+    digests = (sha256(script.encode()).digest() for script in _SCRIPT.findall(body))
+    known = " ".join(f"'sha256-{base64.b64encode(digest).decode()}'" for digest in digests)
+    return _POLICY.format(digests=known)
+
+
+def json_in_script(data: Any) -> str:
+    """JSON that may stand in a ``<script>``: no text in it can end or open one."""
+    return json.dumps(data, separators=(",", ":")).replace("<", "\\u003c")
 
 
 def labels(root: str, texts: Sequence[tuple[str, np.ndarray]]) -> str:
@@ -180,7 +210,7 @@ def labels(root: str, texts: Sequence[tuple[str, np.ndarray]]) -> str:
         return ""
     rows = [[not _is_number(text), text, [float(x) for x in np.round(at, 6)]] for text, at in texts]
     path = [part for part in root.split("/") if part]
-    script = _LABELS % (json.dumps(path), json.dumps(rows).replace("</", "<\\/"))
+    script = _LABELS % (json_in_script(path), json_in_script(rows))
     return f'<div id="labels"></div>\n<script>{script}</script>\n'
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 import html
-import json
 from typing import Any
 
 import numpy as np
@@ -12,6 +11,7 @@ import pinocchio as pin
 
 from closedchain.closure import Mechanism
 from closedchain.robots._body import Bodies, Stick, at, frame_point, joint_poses, positions
+from closedchain.robots._page import json_in_script
 from closedchain.robots._shapes import shares, spelled
 from closedchain.robots.animation import Animation, Readout
 from closedchain.robots.overlays import Polyline, css_colour
@@ -89,7 +89,7 @@ def player_data(
         "sticks": sticks,
         "readouts": [_shortened(readout.values[kept]) for readout in animation.readouts],
     }
-    return json.dumps(data, separators=(",", ":")).replace("</", "<\\/")
+    return json_in_script(data)
 
 
 def readout_rows(animation: Animation, kept: np.ndarray) -> str:

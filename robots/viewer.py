@@ -236,7 +236,19 @@ def _colours(mechanism: Mechanism) -> dict[str, str]:
     colours = {}
     for material in root.iter("{*}material"):
         colour = material.find("{*}color")
-        if colour is not None and material.get("name") in used:
-            r, g, b, *_ = (round(255 * float(x)) for x in colour.get("rgba", "").split())
-            colours[str(material.get("name"))] = f"rgb({r}, {g}, {b})"
+        shown = None if colour is None else _css(colour.get("rgba", ""))
+        if shown is not None and material.get("name") in used:
+            colours[str(material.get("name"))] = shown
     return colours
+
+
+def _css(rgba: str) -> str | None:
+    """CSS colour of a URDF colour, or None where it is no colour."""
+    try:
+        values = np.array(rgba.split(), dtype=float)
+    except ValueError:
+        return None
+    if values.shape not in ((3,), (4,)) or not np.isfinite(values).all():
+        return None
+    r, g, b = np.rint(255 * np.clip(values[:3], 0.0, 1.0)).astype(int)
+    return f"rgb({r}, {g}, {b})"

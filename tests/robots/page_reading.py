@@ -1,6 +1,7 @@
 """Reading the viewer's pages: Meshcat's commands, the motion, and what a browser shows."""
 
 import base64
+import hashlib
 import json
 import re
 import shutil
@@ -69,6 +70,15 @@ def motion(page: str) -> dict[str, Any]:
     poses = np.frombuffer(base64.b64decode(data["poses"]), "<f4")
     data["poses"] = poses.reshape(len(data["times"]), data["bodies"], 7)
     return data
+
+
+def with_probe(page: str, probe: str) -> str:
+    """A page with HTML of a test's own at its end, whose script its policy is made to allow."""
+    (script,) = re.findall("<script>(.*?)</script>", probe, re.S)
+    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+    allowed = page.replace("script-src ", f"script-src 'sha256-{digest}' ", 1)
+    assert allowed != page
+    return allowed.replace("</body>", probe + "</body>")
 
 
 def browse(page: str, folder: Path, *options: str, mark: str = "") -> str:
