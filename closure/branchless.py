@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import pinocchio as pin
 
 from closedchain.closure.constraints import flipped_axes
 from closedchain.closure.mechanism import Mechanism
@@ -15,10 +14,9 @@ from closedchain.closure.solve.control import CLOSED
 from closedchain.closure.solve.descend import Descent, descend
 from closedchain.closure.solve.outcome import Ending
 from closedchain.closure.solve.problem import Problem
+from closedchain.closure.solve.starts import scattered
 from closedchain.closure.solve.system import System
 from closedchain.closure.task import Goal, faces_away
-
-RESTARTS = 12
 
 
 def closed_near(problem: Problem, q: np.ndarray) -> np.ndarray | None:
@@ -58,16 +56,6 @@ def not_closed(system: System, start: np.ndarray, why: str, evaluations: int) ->
     """Closest posture that descent from a start finds, and what is wrong with it."""
     found = descend(system, start)
     return _failed(system, found, why, evaluations + found.evaluations, "that singularity")
-
-
-def scattered(mechanism: Mechanism, start: np.ndarray) -> list[np.ndarray]:
-    """The start and the same starts around it each time, wider and wider."""
-    rng = np.random.default_rng(0)
-    starts = [start]
-    for i in range(RESTARTS):
-        v = rng.standard_normal(mechanism.model.nv) * mechanism.column_scale
-        starts.append(pin.integrate(mechanism.model, start, 0.05 * (1 + i) * v))
-    return starts
 
 
 def _proper(mechanism: Mechanism, q: np.ndarray, goals: tuple[Goal, ...]) -> bool:

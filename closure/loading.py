@@ -12,7 +12,7 @@ from closedchain.closure.closures import Closure, CoupledJoint, Coupling
 from closedchain.closure.length import characteristic_length
 from closedchain.closure.mechanism import Mechanism, TaskFrame
 from closedchain.closure.named import Postures
-from closedchain.closure.nearest import close
+from closedchain.closure.nearest import closed_beside
 from closedchain.closure.tree import Tree, build_tree, se3, z_onto
 from closedchain.urdf.description import Coupling as MimicSpec
 from closedchain.urdf.description import Description, JointRelation, LoopClosure, ParameterValue
@@ -90,7 +90,7 @@ def _length(mechanism: Mechanism, q: np.ndarray) -> float:
 def _closed_home(mechanism: Mechanism, stated: np.ndarray) -> np.ndarray:
     if not mechanism.closures:
         return stated
-    solution = close(mechanism, guess=stated)
+    solution = closed_beside(mechanism, stated)
     if not solution.converged:
         raise DescriptionError(
             f"the home posture of {mechanism.name!r} cannot be closed: {solution.message}; give "

@@ -13,7 +13,7 @@ import pinocchio as pin
 
 from closedchain.closure.constraints import residual
 from closedchain.closure.mechanism import Mechanism
-from closedchain.closure.nearest import close, open_closure
+from closedchain.closure.nearest import close, closed_beside, open_closure
 from closedchain.closure.solution import Solution
 from closedchain.urdf.errors import ClosureError
 
@@ -78,7 +78,7 @@ def _closed(mechanism: Mechanism, name: str, stated: Mapping[str, tuple[float, .
     if not mechanism.closures:
         guess.setflags(write=False)
         return guess
-    solution = close(mechanism, guess)
+    solution = closed_beside(mechanism, guess)
     problem = _problem(mechanism, guess, solution, stated)
     if problem:
         # few joints stated: hold them, and only the others, which start at home, have to move

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -11,15 +11,20 @@ from numpy.typing import ArrayLike
 
 from closedchain.closure.constraints import flipped_axes, gaps
 from closedchain.closure.equations import Equations
+from closedchain.closure.fitting import fit
 from closedchain.closure.mechanism import Mechanism, finite_vector
 from closedchain.closure.ranks import null_space
 from closedchain.closure.solution import Solution
 from closedchain.closure.solve.control import CLOSED
 from closedchain.closure.solve.descend import Descent, descend
+from closedchain.closure.solve.double_roots import at_fold
+from closedchain.closure.solve.starts import scattered, turned
 from closedchain.closure.task import Goal, goal
 from closedchain.urdf.errors import ClosureError, known_names
 
 LIMIT_TOLERANCE = 1e-9
+MOST_WORK = 4e8
+"""Evaluations of a search times the cube of the freedoms: a bound of seconds for large ones."""
 
 
 def close(
@@ -52,6 +57,9 @@ def close(
     Solution
         ``converged`` says that all loops close, held joints and placed bodies included, and that
         no cut joint is mirrored. The message states how far fitted points remain from their goals.
+        A guess that is closed as asked is never left for a posture that is closed less well. Where
+        no descent from the guess closes, starts elsewhere are tried, the same ones every time; that
+        none closes is a numerical verdict.
 
     Raises
     ------
@@ -64,19 +72,26 @@ def close(
         *(_point_goal(mechanism, name, xyz) for name, xyz in (points or {}).items()),
     )
     q, free = _hold(mechanism, q, fixed or {})
-    q = _lay_floating_bodies(mechanism, q, free, goals)
     equations = Equations(mechanism, free, goals)
-    found = descend(equations, q)
-    if beyond_limits(mechanism, found.q):
-        clipped = replace(equations, within=mechanism.limits)
-        inside = descend(clipped, np.clip(q, *mechanism.limits))
-        if inside.residual <= max(found.residual, CLOSED):
-            equations, found = clipped, inside
-    if found.closed:
-        found = _approach(equations, found, q)
-    elif points:
-        found = _fit(equations, found, len(points))
-    return _report(equations, found, points or {})
+    start = _lay_floating_bodies(mechanism, q, free, goals)
+    within, found = _descended(equations, start)
+    given = Descent(q, *equations.evaluate(q), 1)
+    kept = _proper(mechanism, given) and not beyond_limits(mechanism, q)
+    if not kept and not _proper(mechanism, found):
+        within, found = _searched(within, found, start, len(points or {}))
+    found = _nearest(within, found, start, len(points or {}))
+    if kept and given.residual <= found.residual:
+        found = replace(given, evaluations=found.evaluations)  # nothing is nearer to the guess
+    return _report(within, found, points or {})
+
+
+def closed_beside(mechanism: Mechanism, guess: np.ndarray) -> Solution:
+    """Closed posture that descent from a guess (nq,) leads to, without a look elsewhere.
+
+    For postures that are stated and have to close where they are. As ``close`` for the rest.
+    """
+    within, found = _descended(Equations(mechanism, np.arange(mechanism.model.nv)), guess)
+    return _report(within, _nearest(within, found, guess, 0), {})
 
 
 def beyond_limits(mechanism: Mechanism, q: np.ndarray) -> tuple[str, ...]:
@@ -155,6 +170,78 @@ def _lay_floating_bodies(
     return q
 
 
+def _nearest(equations: Equations, found: Descent, guess: np.ndarray, n_points: int) -> Descent:
+    """The nearest of the closed postures around one that was found; with points left, the best."""
+    if found.closed:
+        return at_fold(equations, _approach(equations, found, guess))
+    return fit(equations, found, n_points) if n_points else found
+
+
+def _descended(equations: Equations, q: np.ndarray) -> tuple[Equations, Descent]:
+    """Where descent from a start ends, within joint limits where that closes as well."""
+    found = descend(equations, q)
+    if beyond_limits(equations.mechanism, found.q):
+        clipped = replace(equations, within=equations.mechanism.limits)
+        inside = descend(clipped, np.clip(q, *equations.mechanism.limits))
+        if inside.residual <= max(found.residual, CLOSED):
+            return clipped, inside
+    return equations, found
+
+
+def _proper(mechanism: Mechanism, found: Descent) -> bool:
+    return found.closed and not flipped_axes(mechanism, found.q)
+
+
+def _searched(
+    equations: Equations, found: Descent, guess: np.ndarray, n_points: int
+) -> tuple[Equations, Descent]:
+    """Close from elsewhere what descent from the guess left open, or closed with a mirrored joint.
+
+    Descent ends where rows are least around, as at a guess just opposite to what is asked for. So
+    it starts again where the loops close without the held joints, then from around the guess, then
+    with angles anywhere. Points need not be met: without them the rest has to close.
+    """
+    mechanism = equations.mechanism
+    hard = replace(equations, goals=equations.goals[: len(equations.goals) - n_points])
+    if n_points and _proper(mechanism, _descended(hard, found.q)[1]):
+        return equations, found
+    most, spent = MOST_WORK / mechanism.model.nv**3, 0
+    for start in _elsewhere(hard, guess):
+        within, there = _descended(hard, start)
+        spent += there.evaluations
+        if _proper(mechanism, there):
+            again = replace(equations, within=within.within)
+            there = descend(again, there.q) if n_points else there
+            return again, replace(there, evaluations=found.evaluations + spent)
+        if spent > most:
+            break
+    return equations, replace(found, evaluations=found.evaluations + spent)
+
+
+def _elsewhere(equations: Equations, guess: np.ndarray) -> Iterator[np.ndarray]:
+    """Starts beside the guess and beside home, with the held joints of the guess."""
+    mechanism, free = equations.mechanism, equations.free
+    everything = np.arange(mechanism.model.nv)
+    home = _with(equations, guess, mechanism.home)
+    for start in (guess, home):
+        if free.size < everything.size:
+            loose = descend(replace(equations, free=everything), start)
+            yield _with(equations, guess, loose.q)
+    yield home
+    yield from scattered(mechanism, guess, free)[1:]
+    yield from scattered(mechanism, home, free)[1:]
+    yield from turned(mechanism, guess, free)
+
+
+def _with(equations: Equations, held: np.ndarray, q: np.ndarray) -> np.ndarray:
+    """A posture (nq,) with the joints that are not free where ``held`` (nq,) has them."""
+    model = equations.mechanism.model
+    change = np.asarray(pin.difference(model, held, q))
+    kept = np.ones(model.nv, dtype=bool)
+    kept[equations.free] = False
+    return np.asarray(pin.integrate(model, held, np.where(kept, 0.0, change)))
+
+
 def _approach(equations: Equations, found: Descent, guess: np.ndarray) -> Descent:
     """Slide along the closed postures until none nearer to the guess is found.
 
@@ -189,41 +276,6 @@ def _approach(equations: Equations, found: Descent, guess: np.ndarray) -> Descen
         away_new = displacement(nearer.q)
         if nearer.closed and np.linalg.norm(away_new) < np.linalg.norm(away):
             found, away, share = nearer, away_new, min(1.0, 2.0 * share)
-        else:
-            share *= 0.5
-    return replace(found, evaluations=evaluations)
-
-
-def _fit(equations: Equations, start: Descent, n_points: int) -> Descent:
-    """Constrained least squares: closures and placed bodies exactly, points as near as possible."""
-    hard = replace(equations, goals=equations.goals[: len(equations.goals) - n_points])
-    found = descend(hard, start.q)
-    evaluations = start.evaluations + found.evaluations
-    if not found.closed:
-        return replace(found, evaluations=evaluations)
-    rows = found.values.size
-
-    def misfit(q: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
-        values, matrix = equations.evaluate(q)
-        soft = values[rows:] / equations.row_scale[rows:]
-        return soft, matrix[rows:], float(np.linalg.norm(soft))
-
-    soft, jacobian, size = misfit(found.q)
-    share = 1.0
-    for _ in range(200):
-        basis, _ = null_space(found.system)
-        if not basis.shape[1]:
-            break
-        along = np.linalg.lstsq(jacobian @ basis, -soft, rcond=1e-9)[0]
-        if np.linalg.norm(along) < 1e-10 or share < 1e-6:
-            break
-        length = min(share, 0.5 / float(np.linalg.norm(along)))
-        nearer = descend(hard, equations.move(found.q, length * (basis @ along)))
-        evaluations += nearer.evaluations
-        soft_new, jacobian_new, size_new = misfit(nearer.q)
-        if nearer.closed and size_new < size:
-            found, soft, jacobian, size = nearer, soft_new, jacobian_new, size_new
-            share = min(1.0, 2.0 * share)
         else:
             share *= 0.5
     return replace(found, evaluations=evaluations)

@@ -73,8 +73,8 @@ def test_a_posture_is_the_stated_assembly_closed_and_kept(tol: Tolerances) -> No
 
 def test_nothing_is_closed_before_it_is_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[object] = []
-    wrapped = named.close
-    monkeypatch.setattr(named, "close", lambda *a, **k: asked.append(a) or wrapped(*a, **k))
+    wrapped = named.closed_beside
+    monkeypatch.setattr(named, "closed_beside", lambda *a, **k: asked.append(a) or wrapped(*a, **k))
     m = with_states(one=RIGHT, two=RIGHT)
     assert [*m.postures] == ["home", "one", "two"]
     assert "two" in m.postures
