@@ -85,12 +85,16 @@ def close(
     return _report(within, found, points or {})
 
 
-def closed_beside(mechanism: Mechanism, guess: np.ndarray) -> Solution:
+def closed_beside(
+    mechanism: Mechanism, guess: np.ndarray, free: np.ndarray | None = None
+) -> Solution:
     """Closed posture that descent from a guess (nq,) leads to, without a look elsewhere.
 
-    For postures that are stated and have to close where they are. As ``close`` for the rest.
+    For postures that are stated and have to close where they are. ``free`` are the tangent
+    coordinates that may move, all by default. As ``close`` for the rest.
     """
-    within, found = _descended(Equations(mechanism, np.arange(mechanism.model.nv)), guess)
+    free = np.arange(mechanism.model.nv) if free is None else free
+    within, found = _descended(Equations(mechanism, free), guess)
     return _report(within, _nearest(within, found, guess, 0), {})
 
 
