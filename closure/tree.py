@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from closedchain.urdf.description import Description, Inertial, Joint, Origin
+from closedchain.urdf.description import Description, Inertial, Joint, Link, Origin
 from closedchain.urdf.errors import DescriptionError
 
 
@@ -42,7 +42,7 @@ def build_tree(description: Description) -> Tree:
     model = pin.Model()
     model.name = description.name
     supports: dict[str, tuple[int, pin.SE3]] = {}
-    inertials = {link.name: link.inertial for link in description.links}
+    links = {link.name: link for link in description.links}
     children: dict[str, list[Joint]] = {}
     for joint in description.joints:
         children.setdefault(joint.parent, []).append(joint)
@@ -50,9 +50,9 @@ def build_tree(description: Description) -> Tree:
     def place(link: str, joint_id: int, placement: pin.SE3, previous_frame: int) -> None:
         supports[link] = (joint_id, placement)
         frame = model.addBodyFrame(link, joint_id, placement, previous_frame)
-        inertial = inertials[link]
+        inertial = links[link].inertial
         if inertial is not None and joint_id > 0:
-            model.appendBodyToJoint(joint_id, _inertia(link, inertial), placement)
+            model.appendBodyToJoint(joint_id, _inertia(links[link], inertial), placement)
         pending.extend((joint, int(frame)) for joint in reversed(children.get(link, [])))
 
     pending: list[tuple[Joint, int]] = []
@@ -98,7 +98,7 @@ def _add_joint(model: pin.Model, joint: Joint, parent: int, placement: pin.SE3) 
     )
 
 
-def _inertia(link: str, inertial: Inertial) -> pin.Inertia:
+def _inertia(link: Link, inertial: Inertial) -> pin.Inertia:
     about_centre = np.array(
         [
             [inertial.ixx, inertial.ixy, inertial.ixz],
@@ -111,12 +111,14 @@ def _inertia(link: str, inertial: Inertial) -> pin.Inertia:
         raise DescriptionError(
             f"mass {inertial.mass:g} with principal moments {moments[0]:.3g} to {moments[-1]:.3g} "
             "is no inertia of a body: they must not be negative",
-            element="inertial",
-            name=link,
+            line=link.line,
+            element="link",
+            name=link.name,
         )
     pose = se3(inertial.origin)
     axes = pose.rotation @ axes
     rotated = (axes * np.maximum(moments, 0.0)) @ axes.T
     # Pinocchio refuses a diagonal that rounding made negative
     np.fill_diagonal(rotated, np.maximum(rotated.diagonal(), 0.0))
+    rotated = 0.5 * (rotated + rotated.T)
     return pin.Inertia(inertial.mass, pose.translation, rotated)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 from closedchain.urdf import _xml
@@ -97,9 +98,14 @@ def _check_shape(element: Element) -> None:
     _xml.allow(shape, _SHAPES[shape.tag])
     if shape.tag == "mesh":
         _xml.text(shape, "filename")
+        scale = _xml.vector(shape, "scale", (1.0, 1.0, 1.0))
+        if min(map(abs, scale)) < _xml.SHORTEST:
+            raise _xml.error(shape, f"scale={shape.get('scale')!r} makes the mesh flat; scales are "
+                                    f"{_xml.SHORTEST:g} or more in size")  # fmt: skip
     elif shape.tag == "box":
-        if min(_xml.vector(shape, "size")) <= 0.0:
-            raise _xml.error(shape, f"size={shape.get('size')!r} must be greater than zero")
+        if min(_xml.vector(shape, "size")) < _xml.SHORTEST:
+            raise _xml.error(shape, f"size={shape.get('size')!r} must be greater than zero: sides "
+                                    f"are {_xml.SHORTEST:g} m or more")  # fmt: skip
     else:
         for attribute in _SHAPES[shape.tag]:
             _xml.positive(shape, attribute)
@@ -177,10 +183,11 @@ def _limits(element: Element, kind: JointType, notes: list[str]) -> tuple[float,
             )
         return free
     _xml.allow(limit, ("lower", "upper", "effort", "velocity"))
-    lower = _xml.number(limit, "lower", 0.0)
-    upper = _xml.number(limit, "upper", 0.0)
+    lower = _xml.number(limit, "lower", 0.0, largest=math.inf)
+    upper = _xml.number(limit, "upper", 0.0, largest=math.inf)
     for attribute in ("effort", "velocity"):
-        if _xml.number(limit, attribute, None if kind in ONE_DOF else 0.0) < 0.0:
+        default = None if kind in ONE_DOF else 0.0
+        if _xml.number(limit, attribute, default, largest=math.inf) < 0.0:
             raise _xml.error(limit, f"{attribute}={limit.get(attribute)!r} must not be negative")
     if bounded and limit.get("lower") is None and limit.get("upper") is None:
         notes.append(
@@ -199,7 +206,18 @@ def _limits(element: Element, kind: JointType, notes: list[str]) -> tuple[float,
         return free
     if lower > upper:
         raise _xml.error(limit, f"lower={lower:g} is greater than upper={upper:g}")
-    return lower, upper
+    return _bound(limit, "lower", lower, notes), _bound(limit, "upper", upper, notes)
+
+
+def _bound(limit: Element, side: str, value: float, notes: list[str]) -> float:
+    """A bound; one so large that it only says "none", as exporters write it, is none."""
+    if abs(value) <= _xml.LARGEST:
+        return value
+    if (value < 0.0) != (side == "lower"):
+        raise _xml.error(limit, f"{side}={value:g} leaves no value of less than {_xml.LARGEST:g} "
+                                "in size (rad, m)")  # fmt: skip
+    notes.append(f"line {limit.sourceline}: {side}={value:g} of <limit> was read as no bound")
+    return math.copysign(math.inf, value)
 
 
 def _mimic(element: Element, joint: Joint, notes: list[str]) -> Coupling | None:

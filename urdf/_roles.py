@@ -129,7 +129,8 @@ def _state_value(reference: Element, joint: Joint) -> tuple[float, ...]:
                 f"the quaternion qx qy qz qw has length {length:g}; it must be 1 within {_UNIT:g}",
             )
         return (*values[:3], *(value / length for value in values[3:]))
-    (value,) = _xml.numbers(reference, "value", (1,))
+    largest = _xml.LARGEST if joint.type == "prismatic" else _xml.LARGEST_ANGLE
+    value = _xml.number(reference, "value", largest=largest)
     if not joint.lower - _BEYOND <= value <= joint.upper + _BEYOND:
         raise _xml.error(
             reference,

@@ -6,6 +6,8 @@ import math
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
+from lxml import etree
+
 from closedchain.urdf._parameters import NUMBER
 from closedchain.urdf.description import Origin, Vector3
 from closedchain.urdf.errors import DescriptionError, known_names
@@ -97,8 +99,27 @@ def text(element: Element, attribute: str) -> str:
     return str(value)
 
 
-def numbers(element: Element, attribute: str, counts: Iterable[int]) -> tuple[float, ...]:
-    """A required attribute that holds finite numbers, as many as one of ``counts`` says."""
+LARGEST = 1e9
+"""Largest size of a number [m, rad, kg, kg m^2]: squares and products of such numbers are finite,
+and nothing that is built is larger."""
+
+LARGEST_ANGLE = 1e6
+"""Largest value of a hinge [rad]: beyond, the sine of a rounded number says little."""
+
+SHORTEST = 1e-9
+"""Least length [m] of what must have one: what is written in light years has other faults."""
+
+
+def numbers(
+    element: Element, attribute: str, counts: Iterable[int], largest: float = LARGEST
+) -> tuple[float, ...]:
+    """A required attribute that holds numbers, as many as one of ``counts`` says.
+
+    Raises
+    ------
+    DescriptionError
+        No number, another count of them, or one whose size is beyond ``largest``.
+    """
     raw = element.get(attribute)
     if raw is None:
         raise error(element, f"the attribute {attribute} is missing")
@@ -107,6 +128,10 @@ def numbers(element: Element, attribute: str, counts: Iterable[int]) -> tuple[fl
     for word in words:
         if not NUMBER.fullmatch(word) or not math.isfinite(value := float(word)):
             raise error(element, f"{attribute}={raw!r}: {_why_no_number(word)}")
+        if abs(value) > largest:
+            shown = word if len(word) < 60 else word[:60] + "..."
+            raise error(element, f"{attribute}={shown!r} is too large; numbers here are at most "
+                                 f"{largest:g} in size (SI units)")  # fmt: skip
         values.append(value)
     counts = tuple(counts)
     if len(values) not in counts:
@@ -128,18 +153,23 @@ def _why_no_number(word: str) -> str:
     return f"{shown} is not a number"
 
 
-def number(element: Element, attribute: str, default: float | None = None) -> float:
-    """A finite number; required when there is no default."""
+def number(
+    element: Element, attribute: str, default: float | None = None, largest: float = LARGEST
+) -> float:
+    """A number, at most ``largest`` in size; required when there is no default."""
     if default is not None and element.get(attribute) is None:
         return default
-    return numbers(element, attribute, (1,))[0]
+    return numbers(element, attribute, (1,), largest)[0]
 
 
 def positive(element: Element, attribute: str) -> float:
-    """A required finite number greater than zero."""
+    """A required length [m], greater than zero."""
     value = number(element, attribute)
     if value <= 0.0:
         raise error(element, f"{attribute}={value:g} must be greater than zero")
+    if value < SHORTEST:
+        raise error(element, f"{attribute}={value:g} is too short; lengths are {SHORTEST:g} m or "
+                             "more")  # fmt: skip
     return value
 
 
@@ -166,7 +196,7 @@ def unit_vector(element: Element, attribute: str = "xyz") -> Vector3:
     Raises
     ------
     DescriptionError
-        A vector of zero length, or one too short or long to give a direction.
+        A vector of zero length, or one too short to give a direction.
     """
     allow(element, (attribute,))
     x, y, z = vector(element, attribute)
@@ -174,8 +204,20 @@ def unit_vector(element: Element, attribute: str = "xyz") -> Vector3:
     if length < 1e-12:
         raise error(element, f"{attribute}={element.get(attribute)!r} has zero length; an axis "
                              "needs a direction")  # fmt: skip
-    if not math.isfinite(length):
-        raise error(element, f"{attribute}={element.get(attribute)!r} is too long for an axis")
     if abs(length - 1.0) < 1e-15:  # dividing again would change the last digit of what we wrote
         return x, y, z
     return x / length, y / length, z / length
+
+
+def written(values: Iterable[float]) -> str:
+    """Numbers as an attribute that reads back to the same ones."""
+    return " ".join(repr(float(value)) for value in values)
+
+
+def origin_element(origin: Origin, tag: str = "origin") -> Element:
+    """Element of an origin; what is zero is left out."""
+    element = etree.Element(tag)
+    for name, values in (("xyz", origin.xyz), ("rpy", origin.rpy)):
+        if any(values):
+            element.set(name, written(values))
+    return element

@@ -150,7 +150,7 @@ CASES : dict[str, tuple[str, int, str | None, str | None, str]] = {
     "underscore": (swap(7, "0 0 1", "0 0 1_0"), 7, "joint", "j1", "not a number"),
     "unexpanded": (swap(7, "0 0 1", "0 0 $x"), 7, "joint", "j1", "run through xacro?"),
     "zero axis": (swap(8, "0 0 1", "0 0 0"), 8, "joint", "j1", "zero length"),
-    "huge axis": (swap(8, "0 0 1", "0 1e308 1.7e308"), 8, "joint", "j1", "too long"),
+    "huge axis": (swap(8, "0 0 1", "0 1e308 1.7e308"), 8, "joint", "j1", "too large"),
     "axis without xyz": (swap(8, ' xyz="0 0 1"', ""), 8, "joint", "j1", "xyz is missing"),
     "two axes": (insert(8, '<axis xyz="1 0 0"/>'), 8, "joint", "j1", "only one <axis>"),
     "no parent": (swap(9, '<parent link="base"/>', ""), 6, "joint", "j1", "<parent> is missing"),
