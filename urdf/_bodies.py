@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from closedchain.urdf import _xml
+from closedchain.urdf import elements
 from closedchain.urdf.description import (
     JOINT_TYPES,
     Coupling,
@@ -20,17 +20,6 @@ from closedchain.urdf.errors import known_names
 if TYPE_CHECKING:
     from lxml.etree import _Element as Element
 
-_TYPE_HINTS = {
-    "planar": "write two prismatic joints and a revolute one, or cut it: "
-    '<constraint type="planar">',
-    "spherical": 'spherical joints are cut: <constraint type="spherical">',
-    "ball": 'spherical joints are cut: <constraint type="spherical">',
-    "universal": "write two revolute joints about a cross link, or cut it: "
-    '<constraint type="universal">',
-    "cylindrical": "write a revolute and a prismatic joint, or cut it: "
-    '<constraint type="cylindrical">',
-    "screw": "write a revolute joint and a prismatic one with <mimic>",
-}
 _SHAPES = {
     "box": ("size",),
     "cylinder": ("radius", "length"),
@@ -47,9 +36,9 @@ def read_link(element: Element, notes: list[str]) -> Link:
 
     Shapes that URDF does not have are taken out, with a note in ``notes``.
     """
-    _xml.allow(element, ("name", "type"), ("inertial", "visual", "collision"))
+    elements.allow(element, ("name", "type"), ("inertial", "visual", "collision"))
     name = _name(element)
-    inertial = _xml.only_child(element, "inertial")
+    inertial = elements.only_child(element, "inertial")
     for shape in (*element.findall("visual"), *element.findall("collision")):
         if shape.find("geometry") is not None and not len(shape.find("geometry")):
             notes.append(f"line {shape.sourceline}: <{shape.tag}> in <link {name!r}> has no shape")
@@ -65,50 +54,58 @@ def read_link(element: Element, notes: list[str]) -> Link:
 
 
 def _name(element: Element) -> str:
-    name = _xml.text(element, "name")
+    name = elements.text(element, "name")
     if name == "universe":
-        raise _xml.error(element, "the name 'universe' is taken: it is Pinocchio's fixed world")
+        raise elements.error(element, "the name 'universe' is taken: it is Pinocchio's fixed world")
     return name
 
 
 def _inertial(element: Element) -> Inertial:
-    _xml.allow(element, (), ("origin", "mass", "inertia"))
-    mass = _xml.required_child(element, "mass")
-    _xml.allow(mass, ("value",))
-    inertia = _xml.required_child(element, "inertia")
-    _xml.allow(inertia, _MOMENTS)
-    value = _xml.number(mass, "value")
-    moments = {key: _xml.number(inertia, key) for key in _MOMENTS}
+    elements.allow(element, (), ("origin", "mass", "inertia"))
+    mass = elements.required_child(element, "mass")
+    elements.allow(mass, ("value",))
+    inertia = elements.required_child(element, "inertia")
+    elements.allow(inertia, _MOMENTS)
+    value = elements.number(mass, "value")
+    moments = {key: elements.number(inertia, key) for key in _MOMENTS}
     if value < 0.0:
-        raise _xml.error(mass, f"value={value:g} must not be negative")
+        raise elements.error(mass, f"value={value:g} must not be negative")
     for key in ("ixx", "iyy", "izz"):
         if moments[key] < -1e-12:  # exporters round zero to either side
-            raise _xml.error(inertia, f"{key}={moments[key]:g} must not be negative")
-    return Inertial(_xml.origin(_xml.only_child(element, "origin")), value, **moments)
+            raise elements.error(inertia, f"{key}={moments[key]:g} must not be negative")
+    return Inertial(elements.origin(elements.only_child(element, "origin")), value, **moments)
 
 
 def _check_shape(element: Element) -> None:
-    _xml.allow(element, ("name", "group"), ("origin", "geometry", "material"))
-    _xml.origin(_xml.only_child(element, "origin"))
-    geometry = _xml.required_child(element, "geometry")
-    _xml.allow(geometry, (), _SHAPES)
+    elements.allow(element, ("name", "group"), ("origin", "geometry", "material"))
+    elements.origin(elements.only_child(element, "origin"))
+    geometry = elements.required_child(element, "geometry")
+    elements.allow(geometry, (), _SHAPES)
     if len(geometry) != 1:
-        raise _xml.error(geometry, f"{len(geometry)} shapes; expected one of {', '.join(_SHAPES)}")
+        raise elements.error(
+            geometry, f"{len(geometry)} shapes; expected one of {', '.join(_SHAPES)}"
+        )
     shape = geometry[0]
-    _xml.allow(shape, _SHAPES[shape.tag])
+    elements.allow(shape, _SHAPES[shape.tag])
     if shape.tag == "mesh":
-        _xml.text(shape, "filename")
-        scale = _xml.vector(shape, "scale", (1.0, 1.0, 1.0))
-        if min(map(abs, scale)) < _xml.SHORTEST:
-            raise _xml.error(shape, f"scale={shape.get('scale')!r} makes the mesh flat; scales are "
-                                    f"{_xml.SHORTEST:g} or more in size")  # fmt: skip
+        elements.text(shape, "filename")
+        scale = elements.vector(shape, "scale", (1.0, 1.0, 1.0))
+        if min(map(abs, scale)) < elements.SHORTEST:
+            raise elements.error(
+                shape,
+                f"scale={shape.get('scale')!r} makes the mesh flat; scales are "
+                f"{elements.SHORTEST:g} or more in size",
+            )
     elif shape.tag == "box":
-        if min(_xml.vector(shape, "size")) < _xml.SHORTEST:
-            raise _xml.error(shape, f"size={shape.get('size')!r} must be greater than zero: sides "
-                                    f"are {_xml.SHORTEST:g} m or more")  # fmt: skip
+        if min(elements.vector(shape, "size")) < elements.SHORTEST:
+            raise elements.error(
+                shape,
+                f"size={shape.get('size')!r} must be greater than zero: sides are "
+                f"{elements.SHORTEST:g} m or more",
+            )
     else:
         for attribute in _SHAPES[shape.tag]:
-            _xml.positive(shape, attribute)
+            elements.positive(shape, attribute)
 
 
 def read_joint(element: Element, notes: list[str]) -> tuple[Joint, Coupling | None]:
@@ -116,7 +113,7 @@ def read_joint(element: Element, notes: list[str]) -> tuple[Joint, Coupling | No
 
     Bounds that the type does not have, or that are left out, are noted in ``notes``.
     """
-    _xml.allow(
+    elements.allow(
         element,
         ("name", "type"),
         ("parent", "child", "origin", "axis", "limit", "mimic"),
@@ -125,45 +122,43 @@ def read_joint(element: Element, notes: list[str]) -> tuple[Joint, Coupling | No
     kind = _type(element)
     links = []
     for side in ("parent", "child"):
-        end = _xml.required_child(element, side)
-        _xml.allow(end, ("link",))
-        links.append(_xml.text(end, "link"))
+        end = elements.required_child(element, side)
+        elements.allow(end, ("link",))
+        links.append(elements.text(end, "link"))
     lower, upper = _limits(element, kind, notes)
     joint = Joint(
         name=name,
         type=kind,
         parent=links[0],
         child=links[1],
-        origin=_xml.origin(_xml.only_child(element, "origin")),
+        origin=elements.origin(elements.only_child(element, "origin")),
         axis=_axis(element, kind),
         lower=lower,
         upper=upper,
         line=element.sourceline,
     )
     if joint.parent == joint.child:
-        raise _xml.error(element, f"the joint connects the link {joint.child!r} with itself")
+        raise elements.error(element, f"the joint connects the link {joint.child!r} with itself")
     return joint, _mimic(element, joint, notes)
 
 
 def _type(element: Element) -> JointType:
-    wanted = _xml.text(element, "type")
+    wanted = elements.text(element, "type")
     for kind in JOINT_TYPES:
         if kind == wanted:
             return kind
-    hint = _TYPE_HINTS.get(wanted.lower(), "")
-    message = known_names(wanted, "joint type", JOINT_TYPES) + (f"; {hint}" if hint else "")
-    raise _xml.error(element, message)
+    raise elements.error(element, known_names(wanted, "joint type", JOINT_TYPES))
 
 
 def _axis(element: Element, kind: JointType) -> Vector3:
-    axis = _xml.only_child(element, "axis")
+    axis = elements.only_child(element, "axis")
     if axis is None:
         return (1.0, 0.0, 0.0)
     if kind not in ONE_DOF:  # it means nothing; exporters write "0 0 0" here
-        _xml.allow(axis, ("xyz",))
-        _xml.vector(axis, "xyz")
+        elements.allow(axis, ("xyz",))
+        elements.vector(axis, "xyz")
         return (1.0, 0.0, 0.0)
-    return _xml.unit_vector(axis)
+    return elements.unit_vector(axis)
 
 
 def _limits(element: Element, kind: JointType, notes: list[str]) -> tuple[float, float]:
@@ -173,22 +168,24 @@ def _limits(element: Element, kind: JointType, notes: list[str]) -> tuple[float,
     write that for a joint without bounds, and so it is read.
     """
     free = float("-inf"), float("inf")
-    limit = _xml.only_child(element, "limit")
+    limit = elements.only_child(element, "limit")
     bounded = kind in ("revolute", "prismatic")
     if limit is None:
         if bounded:
-            raise _xml.error(
+            raise elements.error(
                 element,
                 f"a {kind} joint needs <limit lower= upper= effort= velocity=>",
             )
         return free
-    _xml.allow(limit, ("lower", "upper", "effort", "velocity"))
-    lower = _xml.number(limit, "lower", 0.0, largest=math.inf)
-    upper = _xml.number(limit, "upper", 0.0, largest=math.inf)
+    elements.allow(limit, ("lower", "upper", "effort", "velocity"))
+    lower = elements.number(limit, "lower", 0.0, largest=math.inf)
+    upper = elements.number(limit, "upper", 0.0, largest=math.inf)
     for attribute in ("effort", "velocity"):
         default = None if kind in ONE_DOF else 0.0
-        if _xml.number(limit, attribute, default, largest=math.inf) < 0.0:
-            raise _xml.error(limit, f"{attribute}={limit.get(attribute)!r} must not be negative")
+        if elements.number(limit, attribute, default, largest=math.inf) < 0.0:
+            raise elements.error(
+                limit, f"{attribute}={limit.get(attribute)!r} must not be negative"
+            )
     if bounded and limit.get("lower") is None and limit.get("upper") is None:
         notes.append(
             f"line {limit.sourceline}: <limit> in <joint {element.get('name')!r}> has neither "
@@ -205,26 +202,28 @@ def _limits(element: Element, kind: JointType, notes: list[str]) -> tuple[float,
             )
         return free
     if lower > upper:
-        raise _xml.error(limit, f"lower={lower:g} is greater than upper={upper:g}")
+        raise elements.error(limit, f"lower={lower:g} is greater than upper={upper:g}")
     return _bound(limit, "lower", lower, notes), _bound(limit, "upper", upper, notes)
 
 
 def _bound(limit: Element, side: str, value: float, notes: list[str]) -> float:
     """A bound; one so large that it only says "none", as exporters write it, is none."""
-    if abs(value) <= _xml.LARGEST:
+    if abs(value) <= elements.LARGEST:
         return value
     if (value < 0.0) != (side == "lower"):
-        raise _xml.error(limit, f"{side}={value:g} leaves no value of less than {_xml.LARGEST:g} "
-                                "in size (rad, m)")  # fmt: skip
+        raise elements.error(
+            limit,
+            f"{side}={value:g} leaves no value of less than {elements.LARGEST:g} in size (rad, m)",
+        )
     notes.append(f"line {limit.sourceline}: {side}={value:g} of <limit> was read as no bound")
     return math.copysign(math.inf, value)
 
 
 def _mimic(element: Element, joint: Joint, notes: list[str]) -> Coupling | None:
-    mimic = _xml.only_child(element, "mimic")
+    mimic = elements.only_child(element, "mimic")
     if mimic is None:
         return None
-    _xml.allow(mimic, ("joint", "multiplier", "offset"))
+    elements.allow(mimic, ("joint", "multiplier", "offset"))
     if joint.type not in ONE_DOF:
         notes.append(
             f"line {mimic.sourceline}: <mimic> in <joint {joint.name!r}> was not read: a "
@@ -233,8 +232,8 @@ def _mimic(element: Element, joint: Joint, notes: list[str]) -> Coupling | None:
         return None
     return Coupling(
         joint=joint.name,
-        leader=_xml.text(mimic, "joint"),
-        multiplier=_xml.number(mimic, "multiplier", 1.0),
-        offset=_xml.number(mimic, "offset", 0.0),
+        leader=elements.text(mimic, "joint"),
+        multiplier=elements.number(mimic, "multiplier", 1.0),
+        offset=elements.number(mimic, "offset", 0.0),
         line=mimic.sourceline,
     )

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from lxml import etree
 
-from closedchain.urdf._xml import error
+from closedchain.urdf.elements import error
 from closedchain.urdf.errors import DescriptionError, known_names
 
 if TYPE_CHECKING:

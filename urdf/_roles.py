@@ -10,7 +10,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from closedchain.urdf import _xml
+from closedchain.urdf import elements
 from closedchain.urdf._bodies import ONE_DOF
 from closedchain.urdf.description import OUTPUTS, Input, Joint, Remark, Task
 from closedchain.urdf.errors import known_names
@@ -40,16 +40,16 @@ def read_input(
     notes : list
         What was read over is noted here.
     """
-    _xml.allow(element, ("name", "type"), ("joint",))
-    name = _xml.text(element, "name")
+    elements.allow(element, ("name", "type"), ("joint",))
+    name = elements.text(element, "name")
     of_ros = element.get("type") is not None  # with the class that drives it
     references = element.findall("joint")
     if not references and not of_ros:
-        _xml.required_child(element, "joint")
+        elements.required_child(element, "joint")
     driven = []
     for reference in references:
-        _xml.allow(reference, ("name",))
-        if not of_ros or _xml.text(reference, "name") in joints:
+        elements.allow(reference, ("name",))
+        if not of_ros or elements.text(reference, "name") in joints:
             driven.append(_known_joint(reference, joints))
     joint, why = driven[0] if driven else None, ""
     if len(references) > 1:
@@ -71,32 +71,34 @@ def read_input(
 
 
 def _known_joint(reference: Element, joints: Mapping[str, Joint]) -> Joint:
-    wanted = _xml.text(reference, "name")
+    wanted = elements.text(reference, "name")
     if wanted not in joints:
-        raise _xml.error(reference, known_names(wanted, "joint", joints))
+        raise elements.error(reference, known_names(wanted, "joint", joints))
     return joints[wanted]
 
 
 def read_task(element: Element, links: Sequence[str]) -> Task:
     """Read the ``<task>``."""
-    _xml.allow(element, ("base", "tip", "outputs", "length"))
-    ends = [_xml.text(element, side) for side in ("base", "tip")]
+    elements.allow(element, ("base", "tip", "outputs", "length"))
+    ends = [elements.text(element, side) for side in ("base", "tip")]
     for wanted in ends:
         if wanted not in links:
-            raise _xml.error(element, known_names(wanted, "link", links))
+            raise elements.error(element, known_names(wanted, "link", links))
     if ends[0] == ends[1]:
-        raise _xml.error(element, f"base and tip are the same link {ends[0]!r}")
+        raise elements.error(element, f"base and tip are the same link {ends[0]!r}")
     if element.get("outputs") is None:
-        raise _xml.error(element, f"the attribute outputs is missing; some of: {_all_outputs()}")
+        raise elements.error(
+            element, f"the attribute outputs is missing; some of: {_all_outputs()}"
+        )
     outputs = tuple(element.get("outputs").split())
     if not outputs:
-        raise _xml.error(element, f"outputs is empty; some of: {_all_outputs()}")
+        raise elements.error(element, f"outputs is empty; some of: {_all_outputs()}")
     for output in outputs:
         if output not in OUTPUTS:
-            raise _xml.error(element, known_names(output, "output", OUTPUTS))
+            raise elements.error(element, known_names(output, "output", OUTPUTS))
         if outputs.count(output) > 1:
-            raise _xml.error(element, f"the output {output!r} appears twice")
-    length = None if element.get("length") is None else _xml.positive(element, "length")
+            raise elements.error(element, f"the output {output!r} appears twice")
+    length = None if element.get("length") is None else elements.positive(element, "length")
     return Task(ends[0], ends[1], outputs, length, line=element.sourceline)
 
 
@@ -106,33 +108,33 @@ def _all_outputs() -> str:
 
 def read_state(element: Element, joints: Mapping[str, Joint]) -> dict[str, tuple[float, ...]]:
     """Read one ``<group_state>``: values of the joints listed, quaternions normalised."""
-    _xml.allow(element, ("name", "group"), ("joint",))
+    elements.allow(element, ("name", "group"), ("joint",))
     state: dict[str, tuple[float, ...]] = {}
     for reference in element:
-        _xml.allow(reference, ("name", "value"))
+        elements.allow(reference, ("name", "value"))
         joint = _known_joint(reference, joints)
         if joint.name in state:
-            raise _xml.error(reference, "the joint is listed twice")
+            raise elements.error(reference, "the joint is listed twice")
         state[joint.name] = _state_value(reference, joint)
     return state
 
 
 def _state_value(reference: Element, joint: Joint) -> tuple[float, ...]:
     if joint.type == "fixed":
-        raise _xml.error(reference, "a fixed joint has no value; remove it here")
+        raise elements.error(reference, "a fixed joint has no value; remove it here")
     if joint.type == "floating":
-        values = _xml.numbers(reference, "value", (7,))
+        values = elements.numbers(reference, "value", (7,))
         length = math.hypot(*values[3:])
         if abs(length - 1.0) > _UNIT:
-            raise _xml.error(
+            raise elements.error(
                 reference,
                 f"the quaternion qx qy qz qw has length {length:g}; it must be 1 within {_UNIT:g}",
             )
         return (*values[:3], *(value / length for value in values[3:]))
-    largest = _xml.LARGEST if joint.type == "prismatic" else _xml.LARGEST_ANGLE
-    value = _xml.number(reference, "value", largest=largest)
+    largest = elements.LARGEST if joint.type == "prismatic" else elements.LARGEST_ANGLE
+    value = elements.number(reference, "value", largest=largest)
     if not joint.lower - _BEYOND <= value <= joint.upper + _BEYOND:
-        raise _xml.error(
+        raise elements.error(
             reference,
             f"value={value:g} is outside the limits [{joint.lower:g}, {joint.upper:g}]",
         )
@@ -141,9 +143,11 @@ def _state_value(reference: Element, joint: Joint) -> tuple[float, ...]:
 
 def read_remark(element: Element) -> Remark:
     """Read one ``<remark>``; runs of blanks and line ends become one blank."""
-    _xml.allow(element, ("about", "source"))
-    about = _xml.text(element, "about")
+    elements.allow(element, ("about", "source"))
+    about = elements.text(element, "about")
     words = " ".join((element.text or "").split())
     if not words:
-        raise _xml.error(element, f"the remark about {about!r} is empty; write a sentence in it")
+        raise elements.error(
+            element, f"the remark about {about!r} is empty; write a sentence in it"
+        )
     return Remark(about=about, text=words, source=" ".join(element.get("source", "").split()))

@@ -25,7 +25,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Literal
 
-from closedchain.urdf import _xml
+from closedchain.urdf import elements
 from closedchain.urdf.description import (
     CLOSURE_TYPES,
     RELATION_TYPES,
@@ -95,31 +95,31 @@ def read_constraint(element: Element) -> LoopClosure | JointRelation:
     """
     extra = {name for spelling in SPELLINGS.values() for name in spelling.sizes}
     extra |= {name for names in ATTRIBUTES.values() for name in names}
-    _xml.allow(
+    elements.allow(
         element,
         ("name", "type", *sorted(extra)),
         (*_CHILDREN, *(child for names in CHILDREN.values() for child in names)),
     )
-    name = _xml.text(element, "name")
+    name = elements.text(element, "name")
     kind = _type(element)
     if kind == "linear" or kind == "polynomial":
-        _xml.allow(element, ("name", "type", *ATTRIBUTES[kind]), CHILDREN[kind])
+        elements.allow(element, ("name", "type", *ATTRIBUTES[kind]), CHILDREN[kind])
         return read_relation(element, kind)
     sizes = SPELLINGS[kind].sizes
-    _xml.allow(element, ("name", "type", *sizes), _CHILDREN)
+    elements.allow(element, ("name", "type", *sizes), _CHILDREN)
     links = []
     for side in ("parent", "child"):
-        end = _xml.required_child(element, side)
-        _xml.allow(end, ("link",))
-        links.append(_xml.text(end, "link"))
+        end = elements.required_child(element, side)
+        elements.allow(end, ("link",))
+        links.append(elements.text(end, "link"))
     parent_axis, child_axis = _axes(element, kind)
     return LoopClosure(
         name=name,
         type=kind,
         parent=links[0],
         child=links[1],
-        parent_origin=_xml.origin(_xml.only_child(element, "parent_origin")),
-        child_origin=_xml.origin(_xml.only_child(element, "child_origin")),
+        parent_origin=elements.origin(elements.only_child(element, "parent_origin")),
+        child_origin=elements.origin(elements.only_child(element, "child_origin")),
         parent_axis=parent_axis,
         child_axis=child_axis,
         sizes=tuple((size, _size(element, kind, size)) for size in sizes),
@@ -129,40 +129,42 @@ def read_constraint(element: Element) -> LoopClosure | JointRelation:
 
 def _size(element: Element, kind: ClosureType, size: str) -> float:
     if element.get(size) is None:
-        raise _xml.error(element, f'{_a(kind)} constraint needs its {size} [m]: {size}="..."')
-    return _xml.positive(element, size)
+        raise elements.error(element, f'{_a(kind)} constraint needs its {size} [m]: {size}="..."')
+    return elements.positive(element, size)
 
 
 def _type(element: Element) -> ClosureType | RelationType:
-    wanted = _xml.text(element, "type")
+    wanted = elements.text(element, "type")
     for kind in (*CLOSURE_TYPES, *RELATION_TYPES):
         if kind == wanted:
             return kind
     known = (*CLOSURE_TYPES, *RELATION_TYPES)
-    raise _xml.error(element, known_names(wanted, "constraint type", known))
+    raise elements.error(element, known_names(wanted, "constraint type", known))
 
 
 def _axes(element: Element, kind: ClosureType) -> tuple[Vector3, Vector3]:
-    parent = _xml.only_child(element, "parent_axis")
-    child = _xml.only_child(element, "child_axis")
+    parent = elements.only_child(element, "parent_axis")
+    child = elements.only_child(element, "child_axis")
     spelling = SPELLINGS[kind]
     z = (0.0, 0.0, 1.0)
     for axis, there in ((parent, spelling.parent_axis), (child, spelling.child_axis != "none")):
         if axis is not None and not there:
             side = f" on the {axis.tag.split('_')[0]}'s side" if spelling.parent_axis else ""
-            raise _xml.error(axis, f"{_a(kind)} constraint has no axis{side}; remove <{axis.tag}>")
+            raise elements.error(
+                axis, f"{_a(kind)} constraint has no axis{side}; remove <{axis.tag}>"
+            )
     if not spelling.parent_axis:
         return z, z
     if parent is None:
-        raise _xml.error(element, f"{_a(kind)} constraint needs <parent_axis>")
+        raise elements.error(element, f"{_a(kind)} constraint needs <parent_axis>")
     if child is None and spelling.child_axis == "required":
-        raise _xml.error(element, f"{_a(kind)} constraint needs <child_axis>, its second hinge")
-    parent_axis = _xml.unit_vector(parent)
+        raise elements.error(element, f"{_a(kind)} constraint needs <child_axis>, its second hinge")
+    parent_axis = elements.unit_vector(parent)
     if child is None:
         return parent_axis, z if spelling.child_axis == "none" else parent_axis
-    child_axis = _xml.unit_vector(child)
+    child_axis = elements.unit_vector(child)
     if spelling.child_axis == "equal" and math.dist(parent_axis, child_axis) > _SAME_AXIS:
-        raise _xml.error(
+        raise elements.error(
             child,
             f"the two axes of {_a(kind)} constraint must be equal: its frames stay parallel; "
             "turn an origin instead",
@@ -182,7 +184,7 @@ def constraint_xml(constraint: LoopClosure | JointRelation) -> str:
         return relation_xml(constraint)
     closure, spelling = constraint, SPELLINGS[constraint.type]
     sizes = "".join(f' {name}="{float(value)!r}"' for name, value in closure.sizes)
-    head = f'{CONSTRAINT} name={_xml.attribute(closure.name)} type="{closure.type}"{sizes}'
+    head = f'{CONSTRAINT} name={elements.attribute(closure.name)} type="{closure.type}"{sizes}'
     lines = [f"<{head}>"]
     for side, link, origin, axis, there in (
         ("parent", closure.parent, closure.parent_origin, closure.parent_axis,
@@ -190,7 +192,7 @@ def constraint_xml(constraint: LoopClosure | JointRelation) -> str:
         ("child", closure.child, closure.child_origin, closure.child_axis,
          spelling.child_axis != "none"),
     ):  # fmt: skip
-        lines.append(f"  <{side} link={_xml.attribute(link)}/>")
+        lines.append(f"  <{side} link={elements.attribute(link)}/>")
         if origin != Origin():
             lines.append(
                 f'  <{side}_origin xyz="{_plain(origin.xyz)}" rpy="{_plain(origin.rpy)}"/>'

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 from lxml import etree
 
-from closedchain.urdf import _xml
+from closedchain.urdf import elements
 from closedchain.urdf._bodies import ONE_DOF, read_joint, read_link
 from closedchain.urdf._checks import (
     check_closures,
@@ -38,6 +38,8 @@ from closedchain.urdf.description import (
 )
 from closedchain.urdf.errors import DescriptionError
 from closedchain.urdf.expansion import expand
+from closedchain.urdf.formats.dialects import translate_dialects
+from closedchain.urdf.formats.missing_loops import are_loops_missing
 
 if TYPE_CHECKING:
     from lxml.etree import _Element as Element
@@ -100,9 +102,9 @@ def read(text: str, *, parameters: Mapping[str, ParameterValue] = _NONE) -> Desc
         raise DescriptionError(
             "the root element must be <robot>", line=root.sourceline, element=str(root.tag)
         )
-    notes = list(set_aside(root))
-    _xml.allow(root, ("name", "version"), _ROOT_ELEMENTS)
-    name = _xml.text(root, "name")
+    notes = [*translate_dialects(root), *set_aside(root)]
+    elements.allow(root, ("name", "version"), _ROOT_ELEMENTS)
+    name = elements.text(root, "name")
 
     links = tuple(read_link(element, notes) for element in root.findall("link"))
     pairs = [read_joint(element, notes) for element in root.findall("joint")]
@@ -127,6 +129,7 @@ def read(text: str, *, parameters: Mapping[str, ParameterValue] = _NONE) -> Desc
     driven = without_second_drives([item for item in read_inputs if item is not None], notes)
     refuse_duplicates(driven, "transmission")
     states = _states(root, by_name)
+    notes += are_loops_missing(links, joints, couplings, bool(closures or relations))
     return Description(
         name=name,
         root=top,
@@ -166,7 +169,7 @@ def _parse(text: str) -> Element:
 
 
 def _task(root: Element, links: list[str]) -> Task | None:
-    element = _xml.only_child(root, "task")
+    element = elements.only_child(root, "task")
     return None if element is None else read_task(element, links)
 
 
@@ -175,9 +178,9 @@ def _states(root: Element, joints: Mapping[str, Joint]) -> dict[str, dict[str, t
     states: dict[str, dict[str, tuple[float, ...]]] = {}
     lines: dict[str, int | None] = {}
     for element in root.findall("group_state"):
-        name = _xml.text(element, "name")
+        name = elements.text(element, "name")
         if name in states:
-            raise _xml.error(
+            raise elements.error(
                 element, f"there are two {name} postures; the first is at line {lines[name]}"
             )
         states[name], lines[name] = read_state(element, joints), element.sourceline

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from closedchain.urdf import _xml
+from closedchain.urdf import elements
 from closedchain.urdf.description import JointRelation, RelationType
 
 if TYPE_CHECKING:
@@ -53,27 +53,29 @@ def _linear(element: Element) -> JointRelation:
     joints: list[str] = []
     factors: list[float] = []
     for part in element.findall("joint"):
-        _xml.allow(part, ("name", "multiplier"))
-        joint = _xml.text(part, "name")
+        elements.allow(part, ("name", "multiplier"))
+        joint = elements.text(part, "name")
         if joint in joints:
-            raise _xml.error(part, f"the joint {joint!r} is listed twice")
-        factor = _xml.number(part, "multiplier", 1.0)
+            raise elements.error(part, f"the joint {joint!r} is listed twice")
+        factor = elements.number(part, "multiplier", 1.0)
         if factor == 0.0:
-            raise _xml.error(part, f"multiplier=0 leaves the joint {joint!r} out; remove it here")
+            raise elements.error(
+                part, f"multiplier=0 leaves the joint {joint!r} out; remove it here"
+            )
         joints.append(joint)
         factors.append(factor)
     if len(joints) < 2:
-        raise _xml.error(
+        raise elements.error(
             element,
             f"a linear constraint ties two joints or more, <joint name= multiplier=>; it has "
             f"{len(joints)}",
         )
     return JointRelation(
-        name=_xml.text(element, "name"),
+        name=elements.text(element, "name"),
         type="linear",
         joints=tuple(joints),
         coefficients=tuple(factors),
-        offset=_xml.number(element, "offset", 0.0),
+        offset=elements.number(element, "offset", 0.0),
         line=element.sourceline,
     )
 
@@ -81,20 +83,20 @@ def _linear(element: Element) -> JointRelation:
 def _polynomial(element: Element) -> JointRelation:
     joints = []
     for side in ("follower", "leader"):
-        part = _xml.required_child(element, side)
-        _xml.allow(part, ("joint",))
-        joints.append(_xml.text(part, "joint"))
+        part = elements.required_child(element, side)
+        elements.allow(part, ("joint",))
+        joints.append(elements.text(part, "joint"))
     if joints[0] == joints[1]:
-        raise _xml.error(element, f"the joint {joints[0]!r} follows itself")
-    coefficients = _xml.numbers(element, "polycoef", range(2, _LONGEST + 1))
+        raise elements.error(element, f"the joint {joints[0]!r} follows itself")
+    coefficients = elements.numbers(element, "polycoef", range(2, _LONGEST + 1))
     if not any(coefficients[1:]):
-        raise _xml.error(
+        raise elements.error(
             element,
             f"polycoef={element.get('polycoef')!r} is constant: the follower would stand still; "
             "give coefficients of the leader's value, its square, ...",
         )
     return JointRelation(
-        name=_xml.text(element, "name"),
+        name=elements.text(element, "name"),
         type="polynomial",
         joints=tuple(joints),
         coefficients=coefficients,
@@ -104,18 +106,19 @@ def _polynomial(element: Element) -> JointRelation:
 
 def relation_xml(relation: JointRelation) -> str:
     """Write a relation as a ``<constraint>`` element that reads back to the same numbers."""
-    head = f"<constraint name={_xml.attribute(relation.name)} type={_xml.attribute(relation.type)}"
+    name, kind = elements.attribute(relation.name), elements.attribute(relation.type)
+    head = f"<constraint name={name} type={kind}"
     if relation.type == "linear":
         lines = [f'{head} offset="{float(relation.offset)!r}">']
         lines += [
-            f'  <joint name={_xml.attribute(joint)} multiplier="{float(factor)!r}"/>'
+            f'  <joint name={elements.attribute(joint)} multiplier="{float(factor)!r}"/>'
             for joint, factor in zip(relation.joints, relation.coefficients, strict=True)
         ]
     else:
         coefficients = " ".join(repr(float(c)) for c in relation.coefficients)
         lines = [f'{head} polycoef="{coefficients}">']
         lines += [
-            f"  <{side} joint={_xml.attribute(joint)}/>"
+            f"  <{side} joint={elements.attribute(joint)}/>"
             for side, joint in zip(("follower", "leader"), relation.joints, strict=True)
         ]
     return "\n".join([*lines, "</constraint>"])

@@ -107,5 +107,6 @@ def test_exporters_files() -> None:
 
 def test_equal_elements_make_one_sentence() -> None:
     text = arm("".join(f'<gazebo reference="{link}"/>' for link in "abc"))
-    (note,) = read(text).notes
+    note, question = read(text).notes
+    assert "are loops missing?" in question
     assert note.endswith("<gazebo> and 2 more of the kind were not read")

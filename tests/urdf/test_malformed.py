@@ -134,10 +134,6 @@ CASES : dict[str, tuple[str, int, str | None, str | None, str]] = {
     # joints
     "unknown joint type": (swap(6, "revolute", "revolut"), 6, "joint", "j1",
                            "known: revolute, continuous, prismatic, floating, fixed"),
-    "spherical joint": (swap(6, "revolute", "spherical"), 6, "joint", "j1",
-                        '<constraint type="spherical">'),
-    "universal joint": (swap(6, "revolute", "universal"), 6, "joint", "j1", "two revolute joints"),
-    "planar joint": (swap(6, "revolute", "planar"), 6, "joint", "j1", "two prismatic joints"),
     "joint without type": (swap(6, ' type="revolute"', ""), 6, "joint", "j1", "type is missing"),
     "misspelt origin": (swap(7, "origin", "orgin"), 7, "joint", "j1", "did you mean 'origin'?"),
     "misspelt xyz": (swap(7, "xyz", "xzy"), 7, "joint", "j1", "did you mean 'xyz'?"),

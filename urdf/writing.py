@@ -1,0 +1,181 @@
+"""A description as URDF: a tree that stock parsers load, and beside it what closes the loops.
+
+Where a description comes from URDF text, that text is kept: colours, collision shapes, limits of
+effort and all that this program does not read go along.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+from lxml import etree
+
+from closedchain.urdf import elements
+from closedchain.urdf.constraint_element import CONSTRAINT, constraint_xml
+from closedchain.urdf.description import Coupling, Description, Inertial, Joint, Link, Origin
+from closedchain.urdf.shapes import Shape, Shapes, visual_element
+
+if TYPE_CHECKING:
+    from lxml.etree import _Element as Element
+
+UNBOUNDED = 1e6
+"""Written for the missing one of two bounds [m or rad]."""
+_NO_SHAPES: Shapes = MappingProxyType({})
+_TREE = ("link", "joint", "transmission", CONSTRAINT, "task", "group_state", "remark", "material")
+
+
+def urdf_text(description: Description, shapes: Shapes = _NO_SHAPES) -> str:
+    """URDF of a description, made of it alone and of the shapes given."""
+    return _text(_built(description, shapes))
+
+
+def urdf_document(description: Description) -> Element:
+    """Element tree of the URDF that a description comes from, brought up to date.
+
+    Closures, relations, inputs, task and named postures are those of the description. What the
+    description was read from, and what other dialects said about loops, is not repeated.
+    """
+    root = _original(description)
+    if root is None:
+        root = _built(description, _NO_SHAPES)
+        return root
+    followers = {coupling.joint for coupling in description.couplings}
+    inputs = {item.name for item in description.inputs}
+    for element in list(root):
+        if element.tag in (CONSTRAINT, "task", "group_state") or element.tag not in _TREE:
+            root.remove(element)
+        elif element.tag == "joint":
+            element.attrib.pop("independent", None)
+            if element.get("name") not in followers:
+                _remove_all(element, "mimic")
+        elif element.tag == "transmission":
+            inputs.discard(element.get("name"))
+    missing = [item for item in description.inputs if item.name in inputs]
+    _say_roles(root, description, [(item.name, item.joint) for item in missing])
+    return root
+
+
+def document_text(root: Element) -> str:
+    """Text of an element tree, with indentation."""
+    return _text(root)
+
+
+def _text(root: Element) -> str:
+    etree.indent(root, "  ")
+    return etree.tostring(root, encoding="unicode") + "\n"
+
+
+def _original(description: Description) -> Element | None:
+    """Text of the description as a tree without namespaces, if it says the same tree."""
+    if not description.text:
+        return None
+    parser = etree.XMLParser(resolve_entities=False, no_network=True, remove_comments=True)
+    root = etree.fromstring(description.text.encode("utf-8"), parser)
+    if etree.QName(root).localname != "robot":
+        return None
+    home = etree.QName(root).namespace
+    for element in root.iter():
+        if home is not None and etree.QName(element).namespace == home:
+            element.tag = etree.QName(element).localname
+    etree.cleanup_namespaces(root)
+    links = [str(element.get("name")) for element in root.findall("link")]
+    joints = [(str(e.get("name")), str(e.get("type"))) for e in root.findall("joint")]
+    same = links == [link.name for link in description.links]
+    return root if same and joints == [(j.name, j.type) for j in description.joints] else None
+
+
+def _remove_all(element: Element, tag: str) -> None:
+    for child in element.findall(tag):
+        element.remove(child)
+
+
+def _built(description: Description, shapes: Shapes) -> Element:
+    root = etree.Element("robot", name=description.name)
+    for link in description.links:
+        root.append(link_element(link, shapes.get(link.name, ())))
+    couplings = {coupling.joint: coupling for coupling in description.couplings}
+    for joint in description.joints:
+        root.append(joint_element(joint, couplings.get(joint.name)))
+    for remark in description.remarks:
+        element = etree.SubElement(root, "remark", about=remark.about)
+        if remark.source:
+            element.set("source", remark.source)
+        element.text = remark.text
+    _say_roles(root, description, [(item.name, item.joint) for item in description.inputs])
+    return root
+
+
+def _say_roles(root: Element, description: Description, inputs: Iterable[tuple[str, str]]) -> None:
+    """Append closures, relations, inputs, task and postures."""
+    for closure in description.closures:
+        root.append(etree.fromstring(constraint_xml(closure)))
+    for relation in description.relations:
+        root.append(etree.fromstring(constraint_xml(relation)))
+    for name, joint in inputs:
+        transmission = etree.SubElement(root, "transmission", name=name)
+        etree.SubElement(transmission, "joint", name=joint)
+    task = description.task
+    if task is not None:
+        element = etree.SubElement(root, "task", base=task.base, tip=task.tip)
+        element.set("outputs", " ".join(task.outputs))
+        if task.length is not None:
+            element.set("length", elements.written((task.length,)))
+    if description.home:
+        _say_posture(root, "home", description.home)
+    for name, values in description.states.items():
+        _say_posture(root, name, values)
+
+
+def _say_posture(root: Element, name: str, values: Mapping[str, tuple[float, ...]]) -> None:
+    state = etree.SubElement(root, "group_state", name=name, group="all")
+    for joint, numbers in values.items():
+        etree.SubElement(state, "joint", name=joint, value=elements.written(numbers))
+
+
+def link_element(link: Link, shapes: Iterable[Shape] = ()) -> Element:
+    """``<link>`` with its inertia and shapes."""
+    element = etree.Element("link", name=link.name)
+    if link.inertial is not None:
+        element.append(_inertial(link.inertial))
+    for shape in shapes:
+        element.append(visual_element(shape))
+    return element
+
+
+def _inertial(inertial: Inertial) -> Element:
+    element = etree.Element("inertial")
+    if inertial.origin != Origin():
+        element.append(elements.origin_element(inertial.origin))
+    etree.SubElement(element, "mass", value=elements.written((inertial.mass,)))
+    inertia = etree.SubElement(element, "inertia")
+    for name in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"):
+        inertia.set(name, elements.written((getattr(inertial, name),)))
+    return element
+
+
+def joint_element(joint: Joint, coupling: Coupling | None = None) -> Element:
+    """``<joint>`` with its bounds, and with its ``<mimic>`` if it follows another."""
+    free = joint.lower == -math.inf and joint.upper == math.inf
+    kind = "continuous" if joint.type == "revolute" and free else joint.type
+    element = etree.Element("joint", name=joint.name, type=kind)
+    etree.SubElement(element, "parent", link=joint.parent)
+    etree.SubElement(element, "child", link=joint.child)
+    if joint.origin != Origin():
+        element.append(elements.origin_element(joint.origin))
+    if kind in ("revolute", "continuous", "prismatic"):
+        etree.SubElement(element, "axis", xyz=elements.written(joint.axis))
+    if kind in ("revolute", "prismatic"):
+        limit = etree.SubElement(element, "limit")
+        if not free:
+            limit.set("lower", elements.written((max(joint.lower, -UNBOUNDED),)))
+            limit.set("upper", elements.written((min(joint.upper, UNBOUNDED),)))
+        limit.set("effort", "0")
+        limit.set("velocity", "0")
+    if coupling is not None:
+        mimic = etree.SubElement(element, "mimic", joint=coupling.leader)
+        mimic.set("multiplier", elements.written((coupling.multiplier,)))
+        mimic.set("offset", elements.written((coupling.offset,)))
+    return element
