@@ -275,6 +275,8 @@ def _contradiction(mechanism: Mechanism, start: np.ndarray, end: np.ndarray) -> 
     needed = found.q[mechanism.input_q]
     names = mechanism.inputs
     wanted = ", ".join(f"{names[i]} would have to be {needed[i]:.6g}" for i in tied)
+    if not free:
+        return f"the loops hold the inputs still: {wanted}"
     given = ", ".join(f"{names[i]}={end[i]:.6g}" for i in free)
     return f"the inputs contradict each other: {wanted} with {given} as given"
 

@@ -235,7 +235,9 @@ class Follower:
             turn = slice(p + POSE * i + 3, p + POSE * (i + 1))
             inverse = _length(g, there[turn]).recip()
             there[turn] = [x * inverse for x in there[turn]]
-        longest = (LONGEST * travel.max(1e-300).recip()).max(1.0 / MOST).min(1.0)
+        longest = g.constant(1.0)
+        if travel.value is None:  # a way on which nothing is prescribed has no length
+            longest = (LONGEST * travel.max(1e-300).recip()).max(1.0 / MOST).min(1.0)
         return [whole.select(b, a) for a, b in zip(there, end, strict=True)], longest
 
     def _sampled(self) -> np.ndarray:

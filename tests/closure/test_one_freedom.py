@@ -94,3 +94,27 @@ def test_every_question_has_an_answer_of_one_column() -> None:
     assert moved.tip_twist == pytest.approx([0, 0, 0, 0, 0, 2.0], abs=1e-12)
     assert moved.tip_acceleration == pytest.approx([0, 0, 0, 0, 0, 3.0], abs=1e-12)
     assert cc.symbolic_singularities(door).text
+
+
+def test_an_input_that_the_loops_hold_still_is_named() -> None:
+    """A triangle with a loose bar: the input cannot move, and nothing else is prescribed."""
+    text = """<robot name="locked"><link name="base"/><link name="a"/><link name="b"/><link name="c"/>
+      <joint name="one" type="continuous"><parent link="base"/><child link="a"/>
+        <axis xyz="0 0 1"/></joint>
+      <joint name="two" type="continuous"><parent link="base"/><child link="b"/>
+        <origin xyz="1 0 0"/><axis xyz="0 0 1"/></joint>
+      <joint name="loose" type="continuous"><parent link="a"/><child link="c"/>
+        <origin xyz="0.8 0 0"/><axis xyz="0 0 1"/></joint>
+      <constraint name="apex" type="revolute"><parent link="c"/><parent_axis xyz="0 0 1"/>
+        <child link="b"/><child_origin xyz="-0.7 0 0"/></constraint>
+      <transmission name="q1"><joint name="one"/></transmission>
+      <task base="base" tip="c" outputs="x y"/>
+      <group_state name="home"><joint name="one" value="0.6"/></group_state></robot>"""
+    m = cc.load_urdf(text)
+    angle = float(m.input_values(m.home)[0])
+    assert np.cos(angle) == pytest.approx((1 + 0.64 - 0.49) / 1.6, abs=1e-12)  # law of cosines
+    held = cc.direct(m, [angle + 0.01])
+    assert not held.converged
+    assert held.message.startswith(
+        f"the loops hold the inputs still: q1 would have to be {angle:.6g}"
+    )
