@@ -1,10 +1,12 @@
-# The whole interface: make env | demo | test | check | bench | clean
+# The whole interface: make env | demo | test | check | bench | fuzz | clean
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
-.PHONY: env demo test check bench clean
+SECONDS ?= 600
+
+.PHONY: env demo test check bench fuzz clean
 
 env: $(STAMP)
 
@@ -29,6 +31,9 @@ check: env
 bench: env
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m benchmarks.run
 
+fuzz: env
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python tests/fuzz/long.py $(SECONDS)
+
 clean:
-	rm -rf $(VENV) build dist results .pytest_cache .mypy_cache .ruff_cache .hypothesis .benchmarks src/*.egg-info
+	rm -rf $(VENV) build dist results .fuzz .pytest_cache .mypy_cache .ruff_cache .hypothesis .benchmarks src/*.egg-info
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -98,7 +98,8 @@ def test_every_question_has_an_answer_of_one_column() -> None:
 
 def test_an_input_that_the_loops_hold_still_is_named() -> None:
     """A triangle with a loose bar: the input cannot move, and nothing else is prescribed."""
-    text = """<robot name="locked"><link name="base"/><link name="a"/><link name="b"/><link name="c"/>
+    text = """<robot name="locked"><link name="base"/><link name="a"/>
+      <link name="b"/><link name="c"/>
       <joint name="one" type="continuous"><parent link="base"/><child link="a"/>
         <axis xyz="0 0 1"/></joint>
       <joint name="two" type="continuous"><parent link="base"/><child link="b"/>
