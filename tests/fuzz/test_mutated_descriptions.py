@@ -43,7 +43,7 @@ def loaded(text: str) -> cc.Mechanism | None:
     return None
 
 
-@quick(250)
+@quick(120)
 @given(mutated())
 @example(DOOR)
 @example(DOOR.replace('xyz="0 0 1"', 'xyz="0 0 1e300"'))
@@ -53,7 +53,11 @@ def test_a_description_is_loaded_or_refused_by_name(text: str) -> None:
     if m is None:
         return
     assert np.isfinite(m.home).all()
-    assert np.abs(cc.residual(m, m.home)).max(initial=0.0) <= max(1e-12, _misfit(m))
+    gap = np.abs(cc.residual(m, m.home)).max(initial=0.0)
+    if getattr(m, "home_open", False):  # and it says so
+        assert any("home is open" in note for note in m.notes)
+    else:
+        assert gap <= max(1e-12, _misfit(m))
     assert cc.mobility(m).mobility >= 0
     assert cc.loops(m).name == m.name
 
