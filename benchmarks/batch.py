@@ -159,7 +159,7 @@ def filled(chart: Chart, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     middle = tuple(n // 2 for n in shape)
     q[middle] = at_middle(chart, values[middle])
     block = Block(chart.problem, targets, np.ones(shape, dtype=bool), q)
-    codes = flood(block, [int(np.ravel_multi_index(middle, shape))])
+    codes = flood(block, [int(np.ravel_multi_index(middle, shape))]).codes
     return codes == ARRIVED, q
 
 

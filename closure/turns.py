@@ -19,3 +19,27 @@ def turning(mechanism: Mechanism) -> np.ndarray:
 def without_turns(v: np.ndarray, angles: np.ndarray) -> np.ndarray:
     """Motions (..., nv) [m, rad], whole turns of the ``angles`` (nv,) of bool left out."""
     return np.asarray(np.where(angles, v - 2.0 * np.pi * np.round(v / (2.0 * np.pi)), v))
+
+
+SAME = 1e-6
+"""Dimensionless difference below which postures that branches lead to are one and the same."""
+
+
+def same_postures(mechanism: Mechanism, one: np.ndarray, two: np.ndarray) -> np.ndarray:
+    """Which postures (n, nq) are the others (n, nq), up to whole turns and rounding, (n,) bool."""
+    apart = two - one
+    unit = np.ones(mechanism.model.nq)
+    turns = turning(mechanism)
+    for joint in list(mechanism.model.joints)[1:]:
+        at = slice(joint.idx_q, joint.idx_q + joint.nq)
+        if joint.nq == joint.nv:
+            unit[at] = mechanism.column_scale[joint.idx_v : joint.idx_v + joint.nv]
+            angles = turns[joint.idx_v : joint.idx_v + joint.nv]
+            apart[:, at] = without_turns(apart[:, at], angles)
+        elif joint.nq == 7:
+            turn = slice(at.start + 3, at.stop)
+            unit[at.start : at.start + 3] = mechanism.length
+            # quaternions of either sign say the same
+            sense = np.where((one[:, turn] * two[:, turn]).sum(axis=1) < 0.0, -1.0, 1.0)
+            apart[:, turn] = sense[:, None] * two[:, turn] - one[:, turn]
+    return np.asarray((np.abs(apart) <= SAME * unit).all(axis=1))

@@ -29,9 +29,10 @@ class Blank:
 
 
 BLANKS = {
-    "unreachable": Blank("unreachable: no closed posture found", "#FFFFFF", "xxx"),
+    "none found": Blank("no closed posture found", "#FFFFFF", "xxx"),
     "other branch": Blank("closes on another branch only", "#DDDDDD", "//"),
     "joint limit": Blank("beyond a joint limit", "#F0E4B0", ".."),
+    "behind a limit": Blank("behind a joint limit", "#F7EFD6", "oo"),
     "not converged": Blank("not converged", "#EBDCEB", "++"),
 }
 
@@ -65,7 +66,7 @@ MEASURES = {
 }
 
 
-KEPT_BESIDE = ("status", "ends", "q")
+KEPT_BESIDE = ("status", "joined", "ends", "q")
 """Variables of a map that are no measures."""
 
 

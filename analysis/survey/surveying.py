@@ -278,7 +278,7 @@ def _sets(
     def of(kind: str) -> SingularitySet:
         if kind not in traced:
             traced[kind] = (
-                meeting(lattice, of("direct"), of("inverse"), outputs)
+                meeting([lattice], of("direct"), of("inverse"), outputs)
                 if kind == "combined"
                 else set_of(lattice, kind, outputs, report)
             )

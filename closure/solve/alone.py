@@ -6,6 +6,9 @@ the Jacobian as a whole keeps its rank, nothing is singular but that choice.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from functools import cached_property
+
 import numpy as np
 import pinocchio as pin
 
@@ -28,27 +31,32 @@ def healthy(problem: Problem, q: np.ndarray) -> bool:
     return bool(rank == 0 or s[rank - 1] > HEALTHY * s[0])
 
 
-def follow_alone(
-    problem: Problem, q: np.ndarray, begin: np.ndarray, end: np.ndarray, smallest: float
-) -> tuple[np.ndarray, float]:
-    """Follow the branch of a posture (nq,) from one target to another (prescribed,).
+@dataclass(frozen=True, eq=False)
+class _Between:
+    """The equations at shares of the way between two targets (prescribed,)."""
 
-    Returns the last good posture and the share of the way that was gone, 1 where it arrived.
-    """
-    p, m = len(problem.pinned), problem.mechanism
-    turns = [slice(p + POSE * i + 3, p + POSE * (i + 1)) for i in range(len(problem.goals))]
-    end = end.copy()
-    for at in turns:
-        end[at] *= -1.0 if begin[at] @ end[at] < 0.0 else 1.0
-    free = np.array(problem.free)
+    problem: Problem
+    begin: np.ndarray
+    end: np.ndarray
 
-    def there(q: np.ndarray, share: float) -> tuple[System, np.ndarray]:
-        target = end.copy() if share == 1.0 else begin + share * (end - begin)
-        for at in turns:
+    @cached_property
+    def turns(self) -> list[slice]:
+        """Where targets hold quaternions."""
+        p = len(self.problem.pinned)
+        return [slice(p + POSE * i + 3, p + POSE * (i + 1)) for i in range(len(self.problem.goals))]
+
+    def __call__(self, q: np.ndarray, share: float) -> tuple[System, np.ndarray]:
+        """System there, and a posture (nq,) with the pinned joints moved there."""
+        problem, p = self.problem, len(self.problem.pinned)
+        end = self.end.copy()
+        for at in self.turns:
+            end[at] *= -1.0 if self.begin[at] @ end[at] < 0.0 else 1.0
+        target = end if share == 1.0 else self.begin + share * (end - self.begin)
+        for at in self.turns:
             target[at] /= np.linalg.norm(target[at])
         goals = tuple(
             goal(
-                m,
+                problem.mechanism,
                 frame,
                 pin.XYZQUATToSE3(target[p + POSE * i : p + POSE * (i + 1)]),
                 [OUTPUTS[k] for k in outputs],
@@ -57,16 +65,40 @@ def follow_alone(
         )
         moved = q.copy()
         moved[problem.pinned_q] = target[:p]
-        return System(m, free, goals), moved
+        return System(problem.mechanism, np.array(problem.free), goals), moved
 
-    gap = np.abs(end - begin)
-    travel = float((gap[:p] / m.column_scale[list(problem.pinned)]).max(initial=0.0))
-    for at in turns:
-        shift = float(np.linalg.norm(gap[at.start - 3 : at.start])) / m.length
-        travel = max(travel, shift + 2.0 * float(np.linalg.norm(gap[at])))
+    @property
+    def travel(self) -> float:
+        """Dimensionless length of the way."""
+        m, p = self.problem.mechanism, len(self.problem.pinned)
+        gap = np.abs(self.end - self.begin)
+        travel = float((gap[:p] / m.column_scale[list(self.problem.pinned)]).max(initial=0.0))
+        for at in self.turns:
+            shift = float(np.linalg.norm(gap[at.start - 3 : at.start])) / m.length
+            turn = min(
+                float(np.linalg.norm(self.end[at] - side * self.begin[at])) for side in (-1.0, 1.0)
+            )
+            travel = max(travel, shift + 2.0 * turn)
+        return travel
+
+
+def close_alone(problem: Problem, q: np.ndarray, target: np.ndarray) -> np.ndarray | None:
+    """Posture beside one (nq,) that is closed at a target (prescribed,), or None."""
+    found = correct(*_Between(problem, target, target)(q, 1.0))
+    return found.q if found.refusal is None else None
+
+
+def follow_alone(
+    problem: Problem, q: np.ndarray, begin: np.ndarray, end: np.ndarray, smallest: float
+) -> tuple[np.ndarray, float]:
+    """Follow the branch of a posture (nq,) from one target to another (prescribed,).
+
+    Returns the last good posture and the share of the way that was gone, 1 where it arrived.
+    """
+    there = _Between(problem, begin, end)
     start = correct(*there(q, 0.0))
     if start.refusal is not None:
         return q, 0.0
-    longest = min(1.0, max(LONGEST / max(travel, 1e-300), 1.0 / MOST))
+    longest = min(1.0, max(LONGEST / max(there.travel, 1e-300), 1.0 / MOST))
     way = follow(there, start, smallest, longest, careful=True)
     return way.last.q, way.reached

@@ -20,6 +20,7 @@ from closedchain.closure.solve.hops import Hops
 from closedchain.closure.solve.outcome import Ending
 from closedchain.closure.solve.path import Way
 from closedchain.closure.solve.problem import Problem
+from closedchain.closure.turns import same_postures
 
 CLOSED = 1e-9
 """Largest of all rows [m or rad] of a solution of the kept ones that is one of all."""
@@ -39,6 +40,18 @@ Progress = Callable[[int], None]
 """Called with how many cells were reached since the last call; may raise to end the work."""
 
 
+def beside(shape: tuple[int, ...]) -> np.ndarray:
+    """Flat index of each cell's neighbours (cells, 2 k), down and up along each axis; or -1."""
+    index = np.arange(int(np.prod(shape))).reshape(shape)
+    found = np.full((*shape, 2 * index.ndim), -1)
+    for axis in range(index.ndim):
+        low = tuple(slice(1, None) if a == axis else slice(None) for a in range(index.ndim))
+        high = tuple(slice(-1) if a == axis else slice(None) for a in range(index.ndim))
+        found[(*low, 2 * axis)] = index[high]
+        found[(*high, 2 * axis + 1)] = index[low]
+    return found.reshape(index.size, -1)
+
+
 @dataclass(frozen=True, eq=False)
 class Block:
     """Cells of a grid.
@@ -52,7 +65,7 @@ class Block:
     open : (*shape) array of bool
         Cells that may be reached.
     q : (*shape, nq) array
-        Posture of every seed; those of reached cells are written in place.
+        Posture of every seed; those of reached cells are written in place, beyond limits too.
     """
 
     problem: Problem
@@ -68,47 +81,64 @@ class Block:
     @cached_property
     def beside(self) -> np.ndarray:
         """Flat index of each cell's neighbours (cells, 2 k), down and up along each axis; or -1."""
-        index = np.arange(self.size).reshape(self.open.shape)
-        found = np.full((*index.shape, 2 * index.ndim), -1)
-        for axis in range(index.ndim):
-            low = tuple(slice(1, None) if a == axis else slice(None) for a in range(index.ndim))
-            high = tuple(slice(-1) if a == axis else slice(None) for a in range(index.ndim))
-            found[(*low, 2 * axis)] = index[high]
-            found[(*high, 2 * axis + 1)] = index[low]
-        return found.reshape(self.size, -1)
+        return beside(self.open.shape)
 
 
-def flood(block: Block, seeds: ArrayLike, progress: Progress | None = None) -> np.ndarray:
+@dataclass(frozen=True, eq=False)
+class Flooded:
+    """What became of the cells of a block.
+
+    Attributes
+    ----------
+    codes : (*shape) int array
+        Code of an ``Ending`` for each cell: ARRIVED where it was reached, or is a seed; LIMIT
+        where it was reached beyond a joint's limit; else how the ways into
+        it ended: FOLD, STUCK, MIRRORED or REVERSED, and UNTRIED where there was none.
+        SINGULAR_START for seeds that lead nowhere.
+    joined : (*shape, k) array of bool
+        Whether the branch leads from a cell to the next one along each axis, posture to posture.
+        Neighbours that were both reached need not be joined: a branch can lie over a grid in
+        several sheets.
+    """
+
+    codes: np.ndarray
+    joined: np.ndarray
+
+
+def flood(
+    block: Block,
+    seeds: ArrayLike,
+    progress: Progress | None = None,
+    *,
+    through: bool = False,
+) -> Flooded:
     """Reach the open cells of a block from its seeds.
 
     Parameters
     ----------
     seeds : (s,) int array
         Flat indices (C order) of cells whose ``q`` is closed; they lead on whether open or not.
-
-    Returns
-    -------
-    (*shape) int array
-        Code of an ``Ending`` for each cell: ARRIVED where it was reached, or is a seed; LIMIT
-        where it was reached beyond a joint's limit, which does not lead on; else how the ways into
-        it ended: FOLD, STUCK, MIRRORED or REVERSED, and UNTRIED where there was none.
-        SINGULAR_START for seeds that lead nowhere.
+    through : bool
+        Cells beyond joint limits lead on, too.
     """
-    work = _Work(block)
+    work = _Work(block, through=through)
     front = work.begin(np.array(list(dict.fromkeys(np.asarray(seeds).tolist())), dtype=np.int64))
     while front.size:
         front = work.onward(front)
         if progress is not None:
             progress(front.size)
-    solved = np.flatnonzero(work.solved)
+    work.join()
+    solved = np.flatnonzero(work.solved[:-1] | (work.codes == LIMIT))
     block.q.reshape(block.size, -1)[solved] = work.hops.q[:, solved].T
-    return work.codes.reshape(block.open.shape)
+    shape = block.open.shape
+    return Flooded(work.codes.reshape(shape), work.joined[:, 1::2].reshape(*shape, len(shape)))
 
 
 class _Work:
     """What is known of the cells of a block, flat, while it is filled; a last one is no cell."""
 
-    def __init__(self, block: Block) -> None:
+    def __init__(self, block: Block, *, through: bool) -> None:
+        self.through = through
         self.beside = block.beside
         self.hops = Hops(
             block.problem, block.targets.reshape(block.size, -1), block.q.reshape(block.size, -1)
@@ -117,12 +147,17 @@ class _Work:
         self.solved = np.zeros(block.size + 1, dtype=bool)
         self.codes = np.full(block.size, UNTRIED)
         self.mark = np.zeros(block.size, dtype=np.int64)
+        self.seed = np.zeros(block.size, dtype=bool)
+        self.joined = np.zeros(self.beside.shape, dtype=bool)
 
     def begin(self, seeds: np.ndarray) -> np.ndarray:
         """Close seeds (s,); those that lead on."""
         closed = self.hops.closed(seeds)
+        for i in np.flatnonzero(~closed):  # it may be but the choice of rows, or of pivots
+            closed[i] = self.hops.closed_alone(seeds[i])
         self.codes[seeds] = np.where(closed, ARRIVED, Ending.SINGULAR_START.code)
         self.left[seeds] = False
+        self.seed[seeds] = True
         self.solved[seeds[closed]] = True
         return seeds[closed]
 
@@ -140,6 +175,8 @@ class _Work:
             self.mark[end[::-1]] = order[::-1]  # the first one stays
             first = self.mark[end] == order
             good = self._enter(begin[first], end[first], side[first])
+            self.joined[begin[first][good], side[first][good]] = True
+            self.joined[end[first][good], side[first][good] ^ 1] = True
             reached.append(end[first][good])
             places.append(order[first][good])
             rest = self.left[end] & ~first
@@ -147,17 +184,31 @@ class _Work:
         found = np.concatenate(reached)
         return found[np.argsort(np.concatenate(places))] if len(reached) > 2 else found
 
+    def join(self) -> None:
+        """Follow the ways between neighbours that were reached from elsewhere, up and back."""
+        for back in (0, 1):
+            lower, side = np.nonzero(self.solved[self.beside[:, 1::2]] & ~self.joined[:, 1::2])
+            upper = self.beside[lower, 2 * side + 1]
+            both = self.solved[lower] & ~(self.seed[lower] & self.seed[upper])
+            lower, upper, side = lower[both], upper[both], side[both]
+            begin, end, onward = (upper, lower, 2 * side) if back else (lower, upper, 2 * side + 1)
+            hop = self.hops.ways(begin, end, self._behind(begin, onward ^ 1))
+            found = self._arrived(hop.way, end)
+            self._looked_into(hop.way, found, begin, end)
+            there = found != STUCK
+            there &= same_postures(self.hops.problem.mechanism, hop.way.q, self.hops.q[:, end].T)
+            self.joined[lower[there], 2 * side[there] + 1] = True
+
     def _enter(self, begin: np.ndarray, end: np.ndarray, side: np.ndarray) -> np.ndarray:
         """Follow ways from cells into others, all different; which ones lead on, (n,) of bool."""
         hop = self.hops.ways(begin, end, self._behind(begin, side ^ 1))
         found = self._judged(hop.way, begin, end)
         again = self._looked_into(hop.way, found, begin, end)
-        good = found == ARRIVED
-        there = end[good]
-        self.hops.enter(there, hop, good)
+        done = (found == ARRIVED) | (found == LIMIT)
+        good = done if self.through else found == ARRIVED
+        self.hops.enter(end[done], hop, done)
         self.hops.reopen(end[again & good])
-        self.solved[there] = True
-        done = good | (found == LIMIT)
+        self.solved[end[good]] = True
         better = done | (EXPLAINS[found] > EXPLAINS[self.codes[end]])
         self.codes[end[better]] = found[better]
         self.left[end[done]] = False

@@ -12,6 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
+from closedchain.closure.solve.alone import close_alone, healthy
 from closedchain.closure.solve.control import FRESH, LONGEST, MOST, STATE
 from closedchain.closure.solve.outcome import Ending
 from closedchain.closure.solve.path import Follower, Way, follower_of
@@ -73,6 +74,17 @@ class Hops:
         hop = self._followed(state, numbers)
         self.enter(cells, hop, slice(None))
         return hop.way.started
+
+    def closed_alone(self, cell: int) -> bool:
+        """Close a cell whose posture is given with all rows; nothing is known of the kept ones."""
+        q, target = self.q[:, cell], self.targets[:, cell]
+        if not np.isfinite(q).all() or not healthy(self.problem, q):
+            return False
+        found = close_alone(self.problem, q, target)
+        if found is None:
+            return False
+        self.q[:, cell], self.det[cell] = found, 0.0
+        return True
 
     def reopen(self, cells: np.ndarray) -> None:
         """Learn of the kept rows at cells (n,) that were reached without them."""

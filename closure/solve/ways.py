@@ -23,22 +23,23 @@ def follow(
     """Follow branches as ``Follower.run`` does, and go on where that alone has to stop.
 
     Rows that are independent at the samples may depend on each other elsewhere though all rows
-    together keep their rank, and pivots that are large there may vanish. Where a way ends with the
-    Jacobian of all rows well away from losing rank, it goes on by LAPACK, with all rows.
-    Determinants keep their value from before.
+    together keep their rank, and pivots that are large there may vanish. Where a way ends, or does
+    not begin, with the Jacobian of all rows well away from losing rank, it goes on by LAPACK, with
+    all rows. Determinants keep their value from before.
     """
     way = follower_of(problem).run(q, begin, end, smallest)
     codes, reached, postures = way.codes.copy(), way.reached.copy(), way.q.copy()
-    for i in np.flatnonzero((codes != ARRIVED) & way.started):
+    started = way.started.copy()
+    for i in np.flatnonzero(codes != ARRIVED):
         if not healthy(problem, postures[i]):
             continue
         here = partway(problem, begin[i], end[i], float(reached[i]))
         last, share = follow_alone(problem, postures[i], here, end[i], smallest)
         if share > 0.0:
-            postures[i] = last
+            postures[i], started[i] = last, True
             reached[i] = 1.0 if share == 1.0 else reached[i] + (1.0 - reached[i]) * share
             codes[i] = ARRIVED if share == 1.0 else codes[i]
-    return Way(postures, reached, codes, way.det, way.evaluations, way.started)
+    return Way(postures, reached, codes, way.det, way.evaluations, started)
 
 
 def partway(problem: Problem, begin: np.ndarray, end: np.ndarray, share: float) -> np.ndarray:

@@ -9,7 +9,7 @@ import xarray as xr
 
 from closedchain.analysis.survey.set_tables import SavedSet
 
-STATUSES = ("ok", "unreachable", "other branch", "joint limit", "not converged")
+STATUSES = ("ok", "none found", "other branch", "joint limit", "not converged", "behind a limit")
 
 
 def made_map(start: tuple[float, ...] | None = None, **axes: np.ndarray) -> xr.Dataset:

@@ -132,10 +132,10 @@ def test_one_coordinate_gives_lines() -> None:
     assert set(legend_of(figure)) == {
         "direct singularities (type 2)",
         "home",
-        BLANKS["unreachable"].label,
+        BLANKS["none found"].label,
     }
     (shaded,) = ax.patches
-    assert shaded.get_hatch() == BLANKS["unreachable"].hatch
+    assert shaded.get_hatch() == BLANKS["none found"].hatch
     edges = shaded.get_x(), shaded.get_x() + shaded.get_width()
     assert edges == pytest.approx((-1.0, 0.5 * (GRID[1] + GRID[2])))
 

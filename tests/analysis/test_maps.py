@@ -14,11 +14,11 @@ import closedchain as cc
 from closedchain.analysis.singularity.maps.anchor import anchor_of
 from closedchain.analysis.singularity.maps.grid import (
     JOINT_LIMIT,
+    NONE_FOUND,
     NOT_CONVERGED,
     OK,
     OTHER_BRANCH,
     STATUSES,
-    UNREACHABLE,
     UNSEEN,
     grid_of,
 )
@@ -81,7 +81,7 @@ def test_input_map_is_what_direct_reaches(d1: cc.Mechanism, tol: Tolerances) -> 
         assert (status[cell] == OK) == reached.converged
         if reached.converged:
             assert_close(found["q"].to_numpy()[cell], reached.q, 1e-9)
-    assert set(np.unique(status)) <= {OK, OTHER_BRANCH, UNREACHABLE}
+    assert set(np.unique(status)) <= {OK, OTHER_BRANCH, NONE_FOUND}
     check_cells(d1, found, None, tol)
 
 
@@ -122,7 +122,12 @@ def test_a_slow_second_implementation_agrees(
     inside = found["status"].to_numpy() == OK
     assert np.array_equal(inside, status == OK)
     expected = cells_.measures(q[inside], m.outputs())
-    assert list(found.data_vars) == ["status", *(n for n in MEASURES if n in expected), "q"]
+    assert list(found.data_vars) == [
+        "status",
+        "joined",
+        *(n for n in MEASURES if n in expected),
+        "q",
+    ]
     assert_close(found["q"].to_numpy()[inside], q[inside], 1e-10)
     for name in ("sigma_direct", "sigma_inverse", "sigma_constraint", "residual"):
         assert_close(found[name].to_numpy()[inside], expected[name], 1e-10)
@@ -143,7 +148,7 @@ def test_workspace_of_the_linear_delta(tol: Tolerances) -> None:
     places = np.stack([x, y, np.full_like(x, m.point(m.home, "P")[2])], axis=-1)
     bridged = (ld.margins(places, g) > 0.0).all(axis=-1)
     assert np.array_equal(found["status"].to_numpy() == OK, bridged)
-    assert set(np.unique(found["status"].to_numpy())) == {OK, UNREACHABLE}
+    assert set(np.unique(found["status"].to_numpy())) == {OK, NONE_FOUND}
     check_cells(m, found, None, tol)
     # [K; J] keeps its sign where all outputs are prescribed: the branch ends where it vanishes
     assert float(found["det_inverse"].min()) > 0.0
@@ -279,7 +284,8 @@ def test_statuses_tell_why_there_is_no_posture() -> None:
     assert not (status == NOT_CONVERGED).any()
     assert found["status"].attrs["flag_values"] == list(range(len(STATUSES)))
     names = found["status"].attrs["flag_meanings"].split()
-    assert names == ["ok", "unreachable", "other_branch", "joint_limit", "not_converged"]
+    assert names[:5] == ["ok", "none_found", "other_branch", "joint_limit", "not_converged"]
+    assert names[5:] == ["behind_a_limit"]
 
 
 def test_measures_are_missing_exactly_where_a_cell_is_not_ok(d1: cc.Mechanism) -> None:
@@ -288,7 +294,7 @@ def test_measures_are_missing_exactly_where_a_cell_is_not_ok(d1: cc.Mechanism) -
     found = cc.singularity_map(d1, over, progress=False, keep_q=True)
     ok = found["status"].to_numpy() == OK
     assert 0 < ok.sum() < ok.size
-    for name in set(found.data_vars) - {"status", "q"}:
+    for name in set(found.data_vars) - {"status", "joined", "q"}:
         assert np.array_equal(np.isnan(found[name].to_numpy()), ~ok), name
     assert np.array_equal(np.isnan(found["q"].to_numpy()).all(axis=-1), ~ok)
 

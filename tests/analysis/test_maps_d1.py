@@ -134,7 +134,7 @@ def test_files_of_the_survey(d1: cc.Mechanism, found: Survey, tmp_path: Path) ->
     assert tree["q1_q2"]["q1"].attrs["units"] == "m"
     assert tree["q1_q2"].attrs["parameter_radius_S"] == 0.1
     meanings = tree["q1_q2"]["status"].attrs["flag_meanings"].split()
-    assert meanings == ["ok", "unreachable", "other_branch", "joint_limit", "not_converged"]
+    assert meanings == [*(s.replace(" ", "_") for s in STATUSES)]
     tree.close()
     with paths["singularities.csv"].open() as file:
         rows = list(csv.DictReader(file))

@@ -275,8 +275,8 @@ def test_other_branches_are_sought_all_over_the_grid(shape: tuple[int, ...]) -> 
 
 
 def test_ways_that_end_for_no_reason_are_not_converged() -> None:
-    """A cell is unreachable where a way in ended at a singularity, or none was tried."""
-    from closedchain.analysis.singularity.maps.grid import NOT_CONVERGED, OK, UNREACHABLE
+    """In a cell none is found where a way in ended at a singularity, or none was tried."""
+    from closedchain.analysis.singularity.maps.grid import NONE_FOUND, NOT_CONVERGED, OK
     from closedchain.analysis.singularity.maps.storage import in_memory
     from closedchain.analysis.singularity.maps.tiles import Found
     from closedchain.closure.solve.flood import FOLD, STUCK
@@ -287,7 +287,7 @@ def test_ways_that_end_for_no_reason_are_not_converged() -> None:
     store.add((0,), Found(one, ok, np.array([1, 2, 3]), np.array([STUCK, STUCK, FOLD])))
     store.add((0,), Found(none, ok[:0], np.array([1, 3, 4]), np.array([FOLD, STUCK, STUCK])))
     store.finish((0,))
-    expected = [OK, UNREACHABLE, NOT_CONVERGED, UNREACHABLE, NOT_CONVERGED, UNREACHABLE]
+    expected = [OK, NONE_FOUND, NOT_CONVERGED, NONE_FOUND, NOT_CONVERGED, NONE_FOUND]
     assert store.arrays["status"].tolist() == expected
 
 
@@ -310,7 +310,7 @@ def test_folds_are_told_from_regular_ways(delta: cc.Mechanism) -> None:
         target = np.array(outwards)
         q = np.stack([delta.home, delta.home])
         targets = chart.targets(np.stack([home, target]))
-        codes = flood(Block(chart.problem, targets, np.ones(2, dtype=bool), q), [0])
+        codes = flood(Block(chart.problem, targets, np.ones(2, dtype=bool), q), [0]).codes
         assert codes.tolist() == [ARRIVED, end]
         assert cells.ends_at_fold(delta.home, home, target) == (end == FOLD)
 

@@ -65,7 +65,7 @@ def test_a_workspace_slice_has_its_boundary(delta: cc.Mechanism, plane: Survey) 
     row = plane.summary()[0]
     assert row["slice"] == "x x y"
     assert row["inverse points"] == len(found.q)
-    assert sum(int(row[k]) for k in ("ok", "unreachable", "other branch", "joint limit")) == 49  # type: ignore[call-overload]
+    assert sum(int(row[k]) for k in ("ok", "none found", "other branch", "joint limit")) == 49  # type: ignore[call-overload]
 
 
 def test_ranges_are_fitted_to_a_narrow_branch() -> None:

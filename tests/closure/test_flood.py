@@ -78,7 +78,7 @@ def spread(chart: Chart, values: np.ndarray, first: np.ndarray) -> tuple[np.ndar
     cells_ = block(chart, values)
     middle = tuple(n // 2 for n in cells_.open.shape)
     cells_.q[middle] = first
-    return flood(cells_, [np.ravel_multi_index(middle, cells_.open.shape)]), cells_.q
+    return flood(cells_, [np.ravel_multi_index(middle, cells_.open.shape)]).codes, cells_.q
 
 
 def status_of(codes: np.ndarray) -> np.ndarray:
@@ -118,7 +118,7 @@ def test_spread_stops_at_a_fold_and_says_so() -> None:
     values = np.linspace(0.9, end + 0.5, 41)[:, None]
     cells_ = block(chart, values)
     cells_.q[0] = m.home
-    codes = flood(cells_, [0])
+    codes = flood(cells_, [0]).codes
     reached = values[:, 0] < end
     assert np.array_equal(codes == ARRIVED, reached)
     assert codes[np.flatnonzero(~reached)[0]] == FOLD
@@ -137,7 +137,7 @@ def test_seeds_from_outside_lead_on_and_other_cells_stay() -> None:
     cells_.open[3, 3] = False
     cells_.q[0] = postures[0]
     done: list[int] = []
-    codes = flood(cells_, np.arange(7), done.append)
+    codes = flood(cells_, np.arange(7), done.append).codes
     assert codes[3, 3] == UNTRIED
     assert (cells_.q[3, 3] == 0.0).all()
     assert np.count_nonzero(codes == ARRIVED) == 48
@@ -159,7 +159,7 @@ def test_limits_are_walls() -> None:
     m = build("base wedge plunger", parts, {}, "a", task)
     chart = chart_of(m, ["a"])
     values = np.linspace(-0.9, 0.9, 19)[:, None]
-    codes = flood(block(chart, values), [9])
+    codes = flood(block(chart, values), [9]).codes
     # the plunger moves 4/3 of the wedge: 0.375 is its last place
     inside = np.abs(values[:, 0]) < 0.375
     assert np.array_equal(codes == ARRIVED, inside)

@@ -144,7 +144,7 @@ def test_map_and_curves_with_redundant_rows(delta: cc.Mechanism) -> None:
         try:
             centre = ld.direct(heights, G).p[0]
         except cc.ClosureError:
-            assert cell["status"] == 1  # unreachable
+            assert cell["status"] == 1  # none found
             continue
         assert cell["status"] == 0
         assert_close(delta.point(cell["q"].to_numpy(), "P"), centre, 1e-9)

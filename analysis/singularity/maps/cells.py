@@ -9,13 +9,24 @@ import numpy as np
 import pinocchio as pin
 
 from closedchain.analysis.singularity.maps.choice import Choice
-from closedchain.analysis.singularity.maps.grid import JOINT_LIMIT, OK, UNSEEN
+from closedchain.analysis.singularity.maps.grid import (
+    BEHIND_LIMIT,
+    JOINT_LIMIT,
+    OK,
+    OTHER_BRANCH,
+    UNSEEN,
+    Grid,
+)
+from closedchain.analysis.singularity.maps.isthmuses import Shore
 from closedchain.closure.chart import Chart
 from closedchain.closure.solve.flood import Block, flood
+from closedchain.closure.solve.hops import SMALLEST_STEP
 from closedchain.closure.solve.outcome import Ending
 from closedchain.closure.solve.path import follower_of
 from closedchain.closure.solve.problem import Problem
 from closedchain.closure.solve.search import Searched, descent_of, search
+from closedchain.closure.solve.ways import follow
+from closedchain.closure.turns import same_postures
 
 STARTS = 30  # random starts at a cell where other branches are sought
 
@@ -49,6 +60,36 @@ class Signals:
             raise Stopped
 
 
+@dataclass(eq=False)
+class Spreading:
+    """Cells of a block while a branch is spread over it; changed in place.
+
+    Attributes
+    ----------
+    values : (*shape, k) array
+        Coordinates of the cells.
+    status : (*shape) int8 array
+    q : (*shape, nq) array
+        Posture of every seed and of reached cells, those beyond limits too.
+    """
+
+    values: np.ndarray
+    status: np.ndarray
+    q: np.ndarray
+
+    def __post_init__(self) -> None:
+        """Nothing is solved or joined; how ways into unseen cells ended is not known."""
+        shape = self.status.shape
+        self.solved = np.zeros(shape, dtype=bool)
+        self.ends = np.full(shape, UNTRIED, dtype=np.int8)
+        self.joined = np.zeros((*shape, len(shape)), dtype=bool)
+        self.shore = [(np.zeros((0, len(shape)), dtype=int), np.zeros((0, self.q.shape[-1])))]
+
+    def beside(self, cells: np.ndarray, q: np.ndarray) -> None:
+        """Keep closed postures (n, nq) of cells (n, k) beside the branch."""
+        self.shore.append((cells, q))
+
+
 @dataclass(frozen=True, eq=False)
 class Cells:
     """Spreading, searching and measuring, for the coordinates of one chart. Threads may share it.
@@ -69,52 +110,81 @@ class Cells:
         made = vars(follower_of(self.problem)), vars(descent_of(self.problem))
         return "loop" in made[0] and "check" in made[0] and "loop" in made[1]
 
-    def warm(self, *, search: bool = True) -> None:
-        """Make all machine code now, that for ``search`` only where it is needed."""
+    def warm(self) -> None:
+        """Make all machine code now."""
         follower = follower_of(self.problem)
         follower.loop, follower.check  # noqa: B018
-        if search:
-            descent_of(self.problem).loop  # noqa: B018
+        descent_of(self.problem).loop  # noqa: B018
         self.measures.at(self.chart, self.chart.start[None])
 
-    def spread(
-        self,
-        values: np.ndarray,
-        status: np.ndarray,
-        q: np.ndarray,
-        seeds: np.ndarray,
-        label: int,
-        signals: Signals,
-    ) -> np.ndarray:
-        """Reach the unseen cells of a block from its seeds, as ``flood`` says.
+    def spread(self, block: Spreading, seeds: np.ndarray, label: int, signals: Signals) -> None:
+        """Reach the unseen cells of a block from its seeds, as ``flood`` says, in place.
+
+        Cells reached get ``label``, as do seeds that have no status. Beyond joint limits they
+        become ``JOINT_LIMIT`` where the branch meets these, stay unseen where another branch does,
+        and are like the others behind them. The
+        branch itself, ``OK``, is also followed through isthmuses; other branches give way to what
+        closes from their postures.
 
         Parameters
         ----------
-        values : (*shape, k) array
-            Coordinates of the cells.
-        status : (*shape) int8 array
-            Changed in place: cells reached get ``label``, as do the seeds. Beyond joint limits they
-            become ``JOINT_LIMIT`` where the label is ``OK``, else they stay unseen.
-        q : (*shape, nq) array
-            Posture of every seed; those of reached cells are written in place.
         seeds : (s,) int array
             Flat indices of cells.
-
-        Returns
-        -------
-        (*shape) int8 array
-            Codes of endings: how the ways into cells that stay unseen ended, UNTRIED elsewhere.
         """
-        shape = status.shape
+        tried = np.zeros(block.status.shape, dtype=bool)
+        while seeds.size:
+            self._flooded(block, seeds, label, signals)
+            if label == BEHIND_LIMIT:
+                return
+            shore = Shore(self.chart, block.values, block.solved, block.q)
+            cells = shore.beside()
+            at = tuple(cells.T)
+            cells = cells[~tried[at] & (block.status[at] == UNSEEN)]
+            tried[tuple(cells.T)] = True
+            good, q = shore.closed(cells)
+            found, q = cells[good], q[good]
+            if label == OK:
+                block.beside(found, q)
+                found, q = shore.crossed(found, signals.note)
+            block.q[tuple(found.T)] = q
+            seeds = np.ravel_multi_index(tuple(found.T), block.status.shape)
+
+    def _flooded(self, block: Spreading, seeds: np.ndarray, label: int, signals: Signals) -> None:
+        """Flood once."""
+        status, values = block.status, block.values
         targets = self.chart.targets(values.reshape(-1, values.shape[-1]))
-        block = Block(self.problem, targets.reshape(*shape, -1), status == UNSEEN, q)
-        codes = flood(block, seeds, signals.note)
-        status.reshape(-1)[seeds] = label
-        status[codes == ARRIVED] = label
-        if label == OK:
-            status[codes == LIMIT] = JOINT_LIMIT
-        unseen = (status == UNSEEN) & np.isin(codes, EXPLAINED)
-        return np.where(unseen, codes, UNTRIED).astype(np.int8)
+        targets = targets.reshape(*status.shape, -1)
+        filled = Block(self.problem, targets, status == UNSEEN, block.q)
+        through = label == BEHIND_LIMIT
+        flooded = flood(filled, seeds, signals.note, through=through)
+        codes, unseen = flooded.codes, status == UNSEEN
+        status[unseen & (codes == ARRIVED)] = label
+        if label != OTHER_BRANCH:
+            status[unseen & (codes == LIMIT)] = JOINT_LIMIT if label == OK else label
+        flat = status.reshape(-1)
+        flat[seeds[flat[seeds] == UNSEEN]] = label
+        block.solved |= codes == ARRIVED
+        block.joined |= flooded.joined
+        ended = (status == UNSEEN) & np.isin(codes, EXPLAINED)
+        block.ends[ended] = codes[ended]
+
+    def joined(
+        self,
+        grid: Grid,
+        one: tuple[np.ndarray, np.ndarray],
+        two: tuple[np.ndarray, np.ndarray],
+    ) -> np.ndarray:
+        """Which cells (n, k) with postures (n, nq) the branch leads to from others, (n,) bool."""
+        (begin, q), (end, other) = one, two
+        targets = [self.chart.targets(grid.coordinates(cells)) for cells in (begin, end)]
+        found = np.zeros(len(begin), dtype=bool)
+        for start, goal, way in ((q, other, targets), (other, q, targets[::-1])):
+            i = np.flatnonzero(~found)
+            if i.size:
+                went = follow(self.problem, start[i], way[0][i], way[1][i], SMALLEST_STEP)
+                there = went.codes == ARRIVED
+                found[i] = there & same_postures(self.chart.mechanism, went.q, goal[i])
+        return found
 
     def search(self, values: np.ndarray, starts: np.ndarray) -> Searched:
         """Closed postures at coordinates (n, k) from starts (n, s, nq), tried in order."""

@@ -25,7 +25,7 @@ from closedchain.urdf.errors import ClosureError, known_names
 Functions = Mapping[str, Function]
 Wanted = Functions | Sequence[str | Functions] | None
 
-OWN = ("status", "q")
+OWN = ("status", "joined", "q")
 """Names of arrays of a map that are no measures."""
 
 _SIGNED = ("det_direct", "det_inverse")  # each tells the sign of the other

@@ -13,8 +13,15 @@ from closedchain.closure.charting import At, chart_of
 from closedchain.closure.mechanism import Mechanism
 from closedchain.urdf.errors import ClosureError, known_names
 
-STATUSES = ("ok", "unreachable", "other branch", "joint limit", "not converged")
-OK, UNREACHABLE, OTHER_BRANCH, JOINT_LIMIT, NOT_CONVERGED = range(5)
+STATUSES = (
+    "ok",
+    "none found",
+    "other branch",
+    "joint limit",
+    "not converged",
+    "behind a limit",
+)
+OK, NONE_FOUND, OTHER_BRANCH, JOINT_LIMIT, NOT_CONVERGED, BEHIND_LIMIT = range(6)
 UNSEEN = -1
 
 MOST_COORDINATES = 6

@@ -11,13 +11,14 @@ import json
 import shutil
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
 from closedchain.analysis.singularity.maps.tiles import Found, Index
 
 _MEASURE = "measure_"
+ASIDE = "aside"
 
 Edge = tuple[np.ndarray, np.ndarray]
 """Solved cells (e, k) that touch other tiles, and their postures (e, nq)."""
@@ -56,13 +57,17 @@ class Journal(Protocol):
     def edge(self, name: str, tile: Index) -> Edge | None:
         """Edge of what was found in a tile in round ``name``."""
 
+    def aside(self, what: str, tile: Index) -> Edge | None:
+        """The "walls" or the "shore" that were found in a tile in any round."""
+
 
 class InMemory:
-    """Journal of a run that is not saved: the edges only."""
+    """Journal of a run that is not saved: the edges only, walls and shores."""
 
     def __init__(self) -> None:
         """Start empty."""
         self.edges: dict[str, dict[Index, Edge]] = {}
+        self.kept: dict[tuple[str, Index], list[Edge]] = {}
 
     def state(self) -> State | None:
         """Never anything to go on from."""
@@ -75,6 +80,8 @@ class InMemory:
     def put(self, name: str, tile: Index, found: Found) -> None:
         """Keep the edge."""
         self.edges.setdefault(name, {})[tile] = (found.edge, found.edge_q)
+        for what, part in _aside(found).items():
+            self.kept.setdefault((what, tile), []).append(part)
 
     def get(self, name: str, tile: Index) -> Found | None:
         """Never anything: there was no earlier run."""
@@ -83,6 +90,10 @@ class InMemory:
     def edge(self, name: str, tile: Index) -> Edge | None:
         """Edge, if any."""
         return self.edges.get(name, {}).get(tile)
+
+    def aside(self, what: str, tile: Index) -> Edge | None:
+        """Walls or shore, if any."""
+        return _together(self.kept.get((what, tile), []))
 
 
 class OnDisk:
@@ -107,16 +118,21 @@ class OnDisk:
         partial.write_text(json.dumps(asdict(state)))
         partial.replace(self.folder / "state.json")
         for folder in self.folder.iterdir():
-            if folder.is_dir() and folder.name not in (keep, state.name):
+            if folder.is_dir() and folder.name not in (keep, state.name, ASIDE):
                 shutil.rmtree(folder)
         (self.folder / state.name).mkdir(exist_ok=True)
 
     def put(self, name: str, tile: Index, found: Found) -> None:
         """Write a find beside its place, then move it there."""
-        path = self._path(name, tile)
+        for what, (cells, q) in _aside(found).items():
+            self._write(self._path(ASIDE, tile, f"{what}-{name}-"), {"cells": cells, "q": q})
         kept = {f.name: getattr(found, f.name) for f in fields(found) if f.name != "measures"}
         arrays = {key: value for key, value in kept.items() if value is not None}
         arrays |= {_MEASURE + key: value for key, value in found.measures.items()}
+        self._write(self._path(name, tile), arrays)
+
+    def _write(self, path: Path, arrays: dict[str, Any]) -> None:
+        path.parent.mkdir(exist_ok=True)
         partial = path.with_suffix(".partial")
         with partial.open("wb") as file:
             np.savez(file, **arrays)
@@ -144,5 +160,32 @@ class OnDisk:
         with np.load(path) as kept:
             return kept["edge"], kept["edge_q"]
 
-    def _path(self, name: str, tile: Index) -> Path:
-        return self.folder / name / ("_".join(map(str, tile)) + ".npz")
+    def aside(self, what: str, tile: Index) -> Edge | None:
+        """Read the walls or the shore, of all rounds."""
+        pattern = self._path(ASIDE, tile, f"{what}-*-").name
+        parts = []
+        for path in sorted((self.folder / ASIDE).glob(pattern), key=_round):
+            with np.load(path) as kept:
+                parts.append((kept["cells"], kept["q"]))
+        return _together(parts)
+
+    def _path(self, name: str, tile: Index, before: str = "") -> Path:
+        return self.folder / name / (before + "_".join(map(str, tile)) + ".npz")
+
+
+def _aside(found: Found) -> dict[str, Edge]:
+    """What is needed when the branch is done: cells beyond limits, and beside the branch."""
+    parts = {"walls": (found.walls, found.walls_q), "shore": (found.shore, found.shore_q)}
+    return {what: part for what, part in parts.items() if len(part[0])}
+
+
+def _together(parts: list[Edge]) -> Edge | None:
+    if not parts:
+        return None
+    cells, q = zip(*parts, strict=True)
+    return np.concatenate(cells), np.concatenate(q)
+
+
+def _round(path: Path) -> int:
+    """Number of the round of a file that was put aside: WHAT-STAGE-ROUND-TILE.npz."""
+    return int(path.name.split("-")[2])

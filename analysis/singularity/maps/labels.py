@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from closedchain.analysis.singularity.maps.cells import STARTS
 from closedchain.analysis.singularity.maps.choice import Choice
 from closedchain.analysis.singularity.maps.grid import STATUSES, Grid
+from closedchain.analysis.singularity.maps.rounds import lattice_of
 from closedchain.closure.chart import TILTS, Chart
 from closedchain.urdf.description import OUTPUTS
 
@@ -18,7 +21,9 @@ if TYPE_CHECKING:
 STATUS_LABELS = {
     "flag_values": list(range(len(STATUSES))),
     "flag_meanings": " ".join(s.replace(" ", "_") for s in STATUSES),
+    "random_starts": STARTS,
 }
+"""``random_starts``: at each searched cell that the branch does not reach."""
 
 
 def labelled(grid: Grid, arrays: Mapping[str, np.ndarray], measures: Choice) -> xr.Dataset:
@@ -26,12 +31,12 @@ def labelled(grid: Grid, arrays: Mapping[str, np.ndarray], measures: Choice) -> 
     import xarray as xr
 
     variables = {}
-    for name in ("status", *measures.every, "q"):
+    for name in variables_of(measures):
         if name not in arrays:
             continue
         values = arrays[name]
         more = ("nq",) if name == "q" else ()
-        variables[name] = ((*grid.names, *more), values, array_labels(name, measures))
+        variables[name] = ((*grid.names, *more), values, array_labels(name, measures, grid))
     coordinates = {
         name: (name, values, coordinate_labels(grid.chart, name))
         for name, values in zip(grid.names, grid.values, strict=True)
@@ -39,10 +44,22 @@ def labelled(grid: Grid, arrays: Mapping[str, np.ndarray], measures: Choice) -> 
     return xr.Dataset(variables, coords=coordinates, attrs=map_labels(grid, measures.outputs))
 
 
-def array_labels(name: str, measures: Choice) -> dict[str, Any]:
+def variables_of(measures: Choice) -> tuple[str, ...]:
+    """Variables of a map in order: "joined" only beside all measures of the table."""
+    return ("status", *(("joined",) if measures.whole else ()), *measures.every, "q")
+
+
+def array_labels(name: str, measures: Choice, grid: Grid) -> dict[str, Any]:
     """Attributes of an array of a map."""
     if name == "status":
-        return dict(STATUS_LABELS)
+        searched = math.prod(len(axis) for axis in lattice_of(grid.shape))
+        return STATUS_LABELS | {"searched_cells": searched}
+    if name == "joined":
+        return {
+            "long_name": "the branch leads to the next cell",
+            "flag_masks": [1 << i for i in range(len(grid.names))],
+            "flag_meanings": " ".join(f"along_{axis}" for axis in grid.names),
+        }
     if name == "q":
         return {"long_name": "configuration", "units": "m or rad"}
     entry = measures.entries[name]

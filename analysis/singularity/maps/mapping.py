@@ -73,9 +73,10 @@ def singularity_map(
     Returns
     -------
     xarray.Dataset
-        Per cell: ``status`` (an index into its ``flag_meanings``), the three singular values, the
-        two determinants (where the matrices are square), the condition number of the twist map and
-        the residual, all missing (NaN) where the status is not ok. Opened from the store, and read
+        Per cell: ``status`` (an index into its ``flag_meanings``), ``joined`` (a bit for each axis
+        along which the branch leads to the next cell), the three singular values, the two
+        determinants (where the matrices are square), the condition number of the twist map and the
+        residual, all missing (NaN) where the status is not ok. Opened from the store, and read
         from it as it is used, where there is one.
 
     Raises
@@ -121,8 +122,8 @@ def singularity_map(
     return opened(Path(save))
 
 
-def warm(job: Job, report: Progress | None, *, search: bool = True) -> None:
+def warm(job: Job, report: Progress | None) -> None:
     """Make the machine code of a map before others need it, and say so."""
     if report is not None and not job.cells.ready():
         report(f"compiling {job.grid.chart.mechanism.name}", 0, 0)
-    job.cells.warm(search=search)
+    job.cells.warm()

@@ -1,5 +1,7 @@
 """Filling a map in rounds: the branch from its anchor outwards, then other branches, then verdicts.
 
+Between the two, the branch is followed behind joint limits.
+
 In a round, all tiles that the last round's cells lie beside are worked on at once, each knowing of
 its neighbours only what the last round found. What is found therefore does not depend on who works
 on which tile, or in what order.
@@ -15,10 +17,16 @@ from itertools import product
 import numpy as np
 
 from closedchain.analysis.singularity.maps.anchor import Anchor
-from closedchain.analysis.singularity.maps.grid import OK, OTHER_BRANCH, UNSEEN, Progress
-from closedchain.analysis.singularity.maps.journal import Journal, State
+from closedchain.analysis.singularity.maps.grid import (
+    BEHIND_LIMIT,
+    OK,
+    OTHER_BRANCH,
+    UNSEEN,
+    Progress,
+)
+from closedchain.analysis.singularity.maps.journal import Edge, Journal, State
 from closedchain.analysis.singularity.maps.scheduling import Crew
-from closedchain.analysis.singularity.maps.spreading import Job, Task
+from closedchain.analysis.singularity.maps.spreading import Job, Seams, Task
 from closedchain.analysis.singularity.maps.storage import Store
 from closedchain.analysis.singularity.maps.tiles import Found, Index, Tiles
 
@@ -26,8 +34,14 @@ LATTICE = 256
 """Cells, about, from which other branches are sought."""
 _LINE = 16  # along each of one or two axes; twice as many at most
 
-_STAGES = {"branch": "following the branch", "others": "searching other branches"}
-_LABELS = {"branch": OK, "others": OTHER_BRANCH}
+_STAGES = {
+    "branch": "following the branch",
+    "behind": "following it behind limits",
+    "others": "searching other branches",
+}
+_LABELS = {"branch": OK, "behind": BEHIND_LIMIT, "others": OTHER_BRANCH}
+_ASIDE = {"behind": "walls", "others": "shore"}
+"""What was put aside for each stage to begin with."""
 
 
 def fill(
@@ -49,7 +63,7 @@ def fill(
     if state is None:
         state = State("branch", 0, (job.tiles.holding(anchor.cell),), 0)
     journal.begin(state, _before(state))
-    while state.active or state.stage == "branch":
+    while state.active or state.stage != "others":
         if state.active:
             run.round(state)
         following = run.after(state, others=others)
@@ -137,28 +151,72 @@ class _Run:
             return State(state.stage, state.round + 1, tuple(sorted(grown)), seen)
         if not others:
             return State("others", 0, (), seen)
-        cells = product(
-            *(np.unique(a // s) for a, s in zip(self.lattice, self.tiles.size, strict=True))
-        )
-        return State("others", 0, tuple(tuple(int(i) for i in tile) for tile in cells), seen)
+        stage = "behind" if state.stage == "branch" else "others"
+        active = {t for t in self.tiles.all() if self.journal.aside(_ASIDE[stage], t) is not None}
+        if stage == "others":
+            lattice = zip(self.lattice, self.tiles.size, strict=True)
+            active |= {
+                tuple(map(int, t)) for t in product(*(np.unique(a // s) for a, s in lattice))
+            }
+        return State(stage, 0, tuple(sorted(active)), seen)
 
     def _tasks(self, state: State, todo: Iterable[Index]) -> Iterator[Task]:
         nothing = np.zeros((0, len(self.tiles.shape)), dtype=int)
         before = _before(state)
         for tile in todo:
             status = self.store.status(tile)
-            if not (status == UNSEEN).any() and state.round:
+            seams = None
+            if state.stage == "branch" and before is not None:
+                seams = self._seams(before, tile)
+            if not (status == UNSEEN).any() and state.round and seams is None:
                 continue
             cells, q, lattice = nothing, np.zeros((0, self.job.grid.start.size)), nothing
             if before is not None:
                 cells, q = self._seeds(before, tile, status)
-                if not len(cells):
+                if not len(cells) and seams is None:
                     continue
             elif state.stage == "branch":
                 cells, q = np.array([self.anchor.cell]), self.anchor.q[None]
             else:
-                lattice = self._lattice(tile)
-            yield Task(tile, status, _LABELS[state.stage], cells, q, lattice)
+                cells, q = self._put_aside(state.stage, tile, status)
+                if state.stage == "others":
+                    lattice = self._lattice(tile)
+            yield Task(tile, status, _LABELS[state.stage], cells, q, lattice, seams)
+
+    def _put_aside(
+        self, stage: str, tile: Index, status: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Where a stage begins: cells beyond limits, or unseen ones beside the branch."""
+        kept = self.journal.aside(_ASIDE[stage], tile)
+        if kept is None:
+            return np.zeros((0, status.ndim), dtype=int), np.zeros((0, self.job.grid.start.size))
+        cells, q = kept
+        if stage == "others":
+            wanted = status[tuple((cells - self.tiles.origin(tile)).T)] == UNSEEN
+            cells, q = cells[wanted], q[wanted]
+        return cells, q
+
+    def _seams(self, before: str, tile: Index) -> Seams | None:
+        """Cells of this tile and of those before it that share a face and got solved at once."""
+        own = self.journal.edge(before, tile)
+        if own is None or not len(own[0]):
+            return None
+        place = {tuple(cell): i for i, cell in enumerate(own[0].tolist())}
+        found: list[tuple[int, int, Edge]] = []
+        for beside in self.tiles.neighbours(tile):
+            edge = self.journal.edge(before, beside)
+            if beside > tile or edge is None:
+                continue
+            axis = next(i for i, (a, b) in enumerate(zip(tile, beside, strict=True)) if a != b)
+            for j, cell in enumerate(edge[0].tolist()):
+                cell[axis] += 1
+                if tuple(cell) in place:
+                    found.append((place[tuple(cell)], j, edge))
+        if not found:
+            return None
+        mine = np.array([i for i, _, _ in found])
+        cells, q = (np.array([edge[part][j] for _, j, edge in found]) for part in (0, 1))
+        return cells, q, own[0][mine], own[1][mine]
 
     def _seeds(self, before: str, tile: Index, status: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Solved cells of the last round beside unseen ones of a tile, with their postures."""

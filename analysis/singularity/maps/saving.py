@@ -73,9 +73,11 @@ def opened(folder: Path) -> xr.Dataset:
     import xarray as xr
 
     found = xr.open_dataset(folder, engine="zarr", chunks=None)
-    own = found.attrs.pop(_REQUEST)["functions"]
+    request = found.attrs.pop(_REQUEST)
     del found.attrs[_COMPLETE]
-    return found[[name for name in ("status", *MEASURES, *own, "q") if name in found]]
+    first = ("status", "joined") if request["measures"] == "all" else ("status",)
+    every = (*first, *MEASURES, *request["functions"], "q")
+    return found[[name for name in every if name in found]]
 
 
 def request_of(job: Job) -> dict[str, Any]:
@@ -148,7 +150,7 @@ def _complete(folder: Path, job: Job, store: Store) -> None:
             if name in group:
                 del group[name]
         else:
-            group[name].update_attributes(array_labels(name, job.measures))
+            group[name].update_attributes(array_labels(name, job.measures, grid))
     group.update_attributes(map_labels(grid, job.measures.outputs))
     shutil.rmtree(folder / _JOURNAL)
     group.update_attributes({_COMPLETE: True})

@@ -7,6 +7,7 @@ is not followed behind them.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -17,10 +18,11 @@ from closedchain.analysis.singularity.maps.cells import (
     UNTRIED,
     Cells,
     Signals,
+    Spreading,
     random_postures,
 )
 from closedchain.analysis.singularity.maps.choice import Choice
-from closedchain.analysis.singularity.maps.grid import OK, UNSEEN, Grid
+from closedchain.analysis.singularity.maps.grid import JOINT_LIMIT, OK, UNSEEN, Grid
 from closedchain.analysis.singularity.maps.tiles import Found, Index, Tiles
 
 FIRST_STARTS = 6
@@ -29,6 +31,9 @@ FIRST_STARTS = 6
 _OUTSIDE = np.int8(-2)  # status of cells beside a tile, where work on the tile has no say
 _TOGETHER = 32  # cells that are searched together
 _MEASURED = 2048  # postures measured together
+
+
+Seams = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,9 +70,12 @@ class Task:
     status : (extent of the tile) int8 array
         As it stands.
     label : int
-        ``OK`` or ``OTHER_BRANCH``: what cells become that are reached.
+        ``OK``, ``BEHIND_LIMIT`` or ``OTHER_BRANCH``: what cells become that are reached.
     cells, q : (n, k) and (n, nq) arrays
         Solved cells of the grid from which to go on: beside the tile, or in it.
+    seams : tuple of (m, k), (m, nq), (m, k) and (m, nq) arrays
+        Cells beside the tile that were solved at once with cells of it, their postures; the
+        latter cells and theirs. Whether the branch joins them is to be found out.
     lattice : (m, k) array
         Cells of the tile where other branches are sought.
     signals : Signals
@@ -80,6 +88,7 @@ class Task:
     cells: np.ndarray
     q: np.ndarray
     lattice: np.ndarray
+    seams: Seams | None = None
     signals: Signals = field(default_factory=Signals.fresh)
 
 
@@ -92,6 +101,8 @@ def work(job: Job, task: Task) -> Found:
         It was asked to stop.
     """
     block = _Block(job, task)
+    if task.seams is not None:
+        block.join(*task.seams)
     if len(task.cells):
         block.spread(task.cells, task.q)
     if len(task.lattice):
@@ -114,27 +125,35 @@ class _Block:
             slice(s.start - int(b), s.stop - int(b)) for s, b in zip(where, low, strict=True)
         )
         extent = tuple(int(n) for n in high - low)
-        self.status = np.full(extent, _OUTSIDE)
-        self.status[self.inner] = task.status
-        self.q = np.zeros((*extent, job.grid.start.size))
+        status = np.full(extent, _OUTSIDE)
+        status[self.inner] = task.status
         axes = [v[b:e] for v, b, e in zip(job.grid.values, low, high, strict=True)]
-        self.values = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
-        self.ends = np.full(extent, UNTRIED, dtype=np.int8)
+        values = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
+        self.spreading = Spreading(values, status, np.zeros((*extent, job.grid.start.size)))
+        self.across = [np.zeros((0, len(extent) + 1), dtype=int)]
+
+    @property
+    def status(self) -> np.ndarray:
+        """Status of the cells as it stands."""
+        return self.spreading.status
+
+    def join(self, one: np.ndarray, q: np.ndarray, two: np.ndarray, other: np.ndarray) -> None:
+        """Find which cells ``one`` (m, k) lead to the cells ``two`` beside them."""
+        joined = self.job.cells.joined(self.job.grid, (one, q), (two, other))
+        axis = np.abs(two - one).argmax(axis=1)
+        self.across.append(np.column_stack([np.minimum(one, two), axis])[joined])
 
     def spread(self, cells: np.ndarray, q: np.ndarray) -> None:
         """Reach every unseen cell that the branch leads to from solved cells (n, k), (n, nq)."""
         local = tuple((cells - self.origin).T)
-        self.q[local] = q
+        self.spreading.q[local] = q
         seeds = np.ravel_multi_index(local, self.status.shape)
-        ends = self.job.cells.spread(
-            self.values, self.status, self.q, seeds, self.task.label, self.task.signals
-        )
-        self.ends = np.where(ends == UNTRIED, self.ends, ends)
+        self.job.cells.spread(self.spreading, seeds, self.task.label, self.task.signals)
 
     def seek(self, lattice: np.ndarray, first: int, last: int) -> None:
         """Go on from closed postures found at unseen cells (n, k), from some of their starts."""
         unseen = lattice[self.status[tuple((lattice - self.origin).T)] == UNSEEN]
-        cells, q = [unseen[:0]], [np.zeros((0, self.q.shape[-1]))]
+        cells, q = [unseen[:0]], [np.zeros((0, self.job.grid.start.size))]
         for begin in range(0, len(unseen), _TOGETHER):
             some = unseen[begin : begin + _TOGETHER]
             starts = [
@@ -164,14 +183,14 @@ class _Block:
         new &= status != task_status
         positions = np.flatnonzero(new)
         found = status.ravel()[positions]
-        solved = positions[found == label]
-        q = self.q[self.inner].reshape(status.size, -1)[solved]
-        cells = np.stack(np.unravel_index(solved, status.shape), axis=1)
-        cells = cells + job.tiles.origin(self.task.tile)
-        edge = job.tiles.faces(self.task.tile, cells)
-        ends = np.where(status == UNSEEN, self.ends[self.inner], UNTRIED).ravel()
+        q = self._placed(positions[found == label])[1]
+        onward, onward_q = self._placed(positions[found != JOINT_LIMIT])
+        edge = job.tiles.faces(self.task.tile, onward)
+        walls, walls_q = self._placed(positions[(found == JOINT_LIMIT) & (label == OK)])
+        ends = np.where(status == UNSEEN, self.spreading.ends[self.inner], UNTRIED).ravel()
         ended = np.flatnonzero(ends != UNTRIED)
         branch = label == OK
+        shore, shore_q = self._shore()
         return Found(
             cells=positions,
             status=found,
@@ -179,6 +198,30 @@ class _Block:
             ends=ends[ended],
             measures=self._measured(q) if branch else {},
             q=q if branch and job.keep_q else None,
-            edge=cells[edge],
-            edge_q=q[edge],
+            edge=onward[edge],
+            edge_q=onward_q[edge],
+            joined=self._joined() if branch else self.across[0],
+            walls=walls,
+            walls_q=walls_q,
+            shore=shore,
+            shore_q=shore_q,
         )
+
+    def _placed(self, positions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Cells of the grid (n, k), and their postures, at positions in the tile."""
+        extent = self.job.tiles.extent(self.task.tile)
+        cells = np.stack(np.unravel_index(positions, extent), axis=1)
+        q = self.spreading.q[self.inner].reshape(math.prod(extent), -1)[positions]
+        return cells + self.job.tiles.origin(self.task.tile), q
+
+    def _shore(self) -> tuple[np.ndarray, np.ndarray]:
+        """Cells beside the branch that are still unseen, and postures that close there."""
+        cells, q = (np.concatenate(part) for part in zip(*self.spreading.shore, strict=True))
+        unseen = self.status[tuple(cells.T)] == UNSEEN
+        return cells[unseen] + self.origin, q[unseen]
+
+    def _joined(self) -> np.ndarray:
+        """Cells of the grid, and axes along which the branch leads to the next one."""
+        found = np.argwhere(self.spreading.joined)
+        found[:, :-1] += self.origin
+        return np.concatenate([*self.across, found])

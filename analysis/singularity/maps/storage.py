@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from closedchain.analysis.singularity.maps.grid import NOT_CONVERGED, OK, UNREACHABLE, UNSEEN
+from closedchain.analysis.singularity.maps.grid import NONE_FOUND, NOT_CONVERGED, OK, UNSEEN
 from closedchain.analysis.singularity.maps.tiles import Found, Index, Tiles
 from closedchain.closure.solve.flood import EXPLAINS, STUCK, UNTRIED
 from closedchain.urdf.errors import ClosureError
@@ -22,8 +22,9 @@ _SHARE = 0.8  # of the free memory that a map may take
 class Store:
     """Arrays of a map, those of NumPy or of Zarr: both are read and written tile by tile.
 
-    ``arrays``: "status" int8; "ends" int8, how the ways into unseen cells ended; the measures, NaN
-    where a cell is not ok; and "q" (*shape, nq) where the postures are kept.
+    ``arrays``: "status" int8; "ends" int8, how the ways into unseen cells ended; "joined" int8, a
+    bit for each axis along which the branch leads to the next cell; the measures, NaN where a cell
+    is not ok; and "q" (*shape, nq) where the postures are kept.
     """
 
     tiles: Tiles
@@ -37,6 +38,7 @@ class Store:
         """Enter what was found; to enter the same again changes nothing."""
         self._put(tile, "status", found.cells, found.status)
         self._put_ends(tile, found)
+        self._join(found)
         ok = found.cells[found.status == OK]
         for name, values in found.measures.items():
             self._put(tile, name, ok, values)
@@ -51,6 +53,21 @@ class Store:
         part.reshape(-1, *values.shape[1:])[positions] = values
         self.arrays[name][where] = part
 
+    def _join(self, found: Found) -> None:
+        """Set bits of cells that are joined to the next ones; they may lie in the tile before."""
+        if not len(found.joined):
+            return
+        cells, bits = found.joined[:, :-1], 1 << found.joined[:, -1]
+        of = cells // np.array(self.tiles.size)
+        for tile in np.unique(of, axis=0):
+            here = (of == tile).all(axis=1)
+            index = tuple(int(t) for t in tile)
+            where = self.tiles.slices(index)
+            part = np.array(self.arrays["joined"][where])
+            local = tuple((cells[here] - self.tiles.origin(index)).T)
+            np.bitwise_or.at(part, local, bits[here].astype(np.int8))
+            self.arrays["joined"][where] = part
+
     def _put_ends(self, tile: Index, found: Found) -> None:
         """Of the ways into a cell, keep the ending that explains most."""
         if not len(found.ended):
@@ -63,14 +80,14 @@ class Store:
         self.arrays["ends"][where] = part
 
     def finish(self, tile: Index) -> None:
-        """Say of every cell left unseen why: unreachable, unless the branch should have led in."""
+        """Say of every cell left unseen why: none found, unless the branch should have led in."""
         status = self.status(tile)
         unseen = status == UNSEEN
         if not unseen.any():
             return
         where = self.tiles.slices(tile)
         stuck = np.array(self.arrays["ends"][where]) == STUCK
-        status[unseen] = np.where(stuck[unseen], NOT_CONVERGED, UNREACHABLE)
+        status[unseen] = np.where(stuck[unseen], NOT_CONVERGED, NONE_FOUND)
         self.arrays["status"][where] = status
 
 
@@ -85,7 +102,7 @@ def in_memory(tiles: Tiles, measures: Sequence[str], nq: int, *, keep_q: bool) -
     cells = 1
     for n in tiles.shape:
         cells *= n
-    needed = cells * (2 + 8 * len(measures) + (8 * nq if keep_q else 0))
+    needed = cells * (3 + 8 * len(measures) + (8 * nq if keep_q else 0))
     free = free_memory()
     if needed > _SHARE * free:
         raise ClosureError(
@@ -96,6 +113,7 @@ def in_memory(tiles: Tiles, measures: Sequence[str], nq: int, *, keep_q: bool) -
     arrays: dict[str, Any] = {
         "status": np.full(tiles.shape, UNSEEN, dtype=np.int8),
         "ends": np.full(tiles.shape, UNTRIED, dtype=np.int8),
+        "joined": np.zeros(tiles.shape, dtype=np.int8),
     }
     arrays |= {name: np.full(tiles.shape, np.nan) for name in measures}
     if keep_q:
@@ -132,7 +150,7 @@ def in_zarr(
 
     group = zarr.open_group(folder, mode="a")
     kinds: dict[str, tuple[type, float]]
-    kinds = {"status": (np.int8, UNSEEN), "ends": (np.int8, UNTRIED)}
+    kinds = {"status": (np.int8, UNSEEN), "ends": (np.int8, UNTRIED), "joined": (np.int8, 0)}
     kinds |= dict.fromkeys(measures, (np.float64, np.nan))
     if keep_q:
         kinds["q"] = (np.float64, np.nan)

@@ -141,6 +141,12 @@ class Found:
         Cells of the grid that got a posture and touch another tile.
     edge_q : (e, nq) array
         Their postures, from where the next round goes on.
+    joined : (j, k + 1) int array
+        Cells of the grid, and the axis along which the branch leads to the next one.
+    walls, walls_q : (w, k) and (w, nq) arrays
+        Cells of the grid that the branch reaches beyond joint limits, and their postures.
+    shore, shore_q : (c, k) and (c, nq) arrays
+        Cells beside the branch with closed postures that it was not seen to lead to.
     """
 
     cells: np.ndarray
@@ -151,3 +157,8 @@ class Found:
     q: np.ndarray | None = None
     edge: np.ndarray = field(default_factory=lambda: np.zeros((0, 0), dtype=int))
     edge_q: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
+    joined: np.ndarray = field(default_factory=lambda: np.zeros((0, 0), dtype=int))
+    walls: np.ndarray = field(default_factory=lambda: np.zeros((0, 0), dtype=int))
+    walls_q: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
+    shore: np.ndarray = field(default_factory=lambda: np.zeros((0, 0), dtype=int))
+    shore_q: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))

@@ -21,6 +21,7 @@ def complete(
     from scipy.spatial import cKDTree
 
     fine, cell = finer(tracker.lattice, progress), tracker.lattice.cell
+    tracker.finer = fine
     edges = brackets(fine, kind)
     if len(touched):  # a cell that is singular itself counts as either sign
         apart, _ = cKDTree(touched / cell).query(middles(fine, edges) / cell)

@@ -66,14 +66,14 @@ def curve_set(
     """
     system, lattice = tracker.system, tracker.lattice
     curves = [
-        Piece(c.points, along(system, lattice, c.points), c.ends, c.crossings)
+        Piece(c.points, along(system, tracker.branch, c.points), c.ends, c.crossings)
         for c in tracker.linked()
     ]
-    points = [Piece(z[None], reached(system, lattice, z[None])) for z in tracker.alone()]
+    points = [Piece(z[None], reached(system, tracker.branch, z[None])) for z in tracker.alone()]
     curves += [p for p in touched if p.ends is not None]
     points += [p for p in touched if p.ends is None]
     points += _alone(tracker, [*curves, *points])
-    curves, standing = _upright(system, lattice, curves)
+    curves, standing = _upright(tracker, curves)
     points += standing
     curves, points = ([p for p in ps if p.on_branch.any()] for ps in (curves, points))
     if standing:
@@ -93,13 +93,12 @@ def curve_set(
     )
 
 
-def _upright(
-    system: Slice, lattice: Lattice, curves: Sequence[Piece]
-) -> tuple[list[Piece], list[Piece]]:
+def _upright(tracker: Tracker, curves: Sequence[Piece]) -> tuple[list[Piece], list[Piece]]:
     """Curves whose coordinates vary, and single points of those whose coordinates do not.
 
     On the latter only the posture moves: they are self-motions above one point of the slice.
     """
+    lattice = tracker.lattice
     k = len(lattice.values)
     varying, standing = [], []
     for piece in curves:
@@ -107,7 +106,7 @@ def _upright(
             varying.append(piece)
             continue
         i = int(np.argmax(piece.on_branch))
-        on_branch = piece.on_branch[i] or met(system, lattice, piece.points[i])
+        on_branch = piece.on_branch[i] or met(tracker.system, tracker.branch, piece.points[i])
         standing.append(Piece(piece.points[i : i + 1], np.array([on_branch])))
     return varying, standing
 
@@ -122,9 +121,9 @@ def _alone(tracker: Tracker, pieces: Sequence[Piece]) -> list[Piece]:
         if any((np.abs(n - c) <= lattice.cell).all(axis=1).any() for n in near):
             continue
         near.append(c[None])
-        on_branch = reached(system, lattice, z[None])
+        on_branch = reached(system, tracker.branch, z[None])
         if not on_branch[0] and tracker.above:
-            on_branch[0] = met(system, lattice, z)
+            on_branch[0] = met(system, tracker.branch, z)
         found.append(Piece(z[None], on_branch))
     return found
 
@@ -177,7 +176,8 @@ def curves_on(
             tracker.add(z)
     missed = None
     if check and tracker.system.codimension > 1:
-        for _ in tracker.least(kind, finer(lattice, progress), wide=True):
+        tracker.finer = finer(lattice, progress)
+        for _ in tracker.least(kind, tracker.finer, wide=True):
             pass
     elif check and (kind in lattice.det or kind == lattice.chart.folds):
         from closedchain.analysis.singularity.sets.completeness import complete

@@ -29,10 +29,14 @@ CLOSED = 1e-11
 
 @dataclass(frozen=True, eq=False)
 class Edges:
-    """Edges of a grid, from cells (n, k) to the next ones along axes (n,)."""
+    """Edges of a grid, from cells (n, k) to the next ones along axes (n,).
+
+    ``down`` (n,): whether a branch that ends on the edge is that of the upper cell.
+    """
 
     lower: np.ndarray
     axis: np.ndarray
+    down: np.ndarray
 
     @property
     def upper(self) -> np.ndarray:
@@ -45,9 +49,17 @@ class Edges:
         """Number of edges."""
         return len(self.axis)
 
+    def and_also(self, others: Edges) -> Edges:
+        """These edges and others."""
+        return Edges(
+            np.concatenate([self.lower, others.lower]),
+            np.concatenate([self.axis, others.axis]),
+            np.concatenate([self.down, others.down]),
+        )
+
     def take(self, which: np.ndarray) -> Edges:
         """Some of the edges."""
-        return Edges(self.lower[which], self.axis[which])
+        return Edges(self.lower[which], self.axis[which], self.down[which])
 
 
 def on_edges(system: Slice, lattice: Lattice, kind: str, edges: Edges) -> np.ndarray:
@@ -57,7 +69,7 @@ def on_edges(system: Slice, lattice: Lattice, kind: str, edges: Edges) -> np.nda
     folds, the edge leading out of the branch.
     """
     found = np.full((len(edges), lattice.q.shape[-1] + edges.lower.shape[1]), np.nan)
-    inside = lattice.ok[tuple(edges.lower.T)] & lattice.ok[tuple(edges.upper.T)]
+    inside = np.full(len(edges), kind != lattice.chart.folds)
     for which, search in ((inside, _zeros), (~inside, _ends)):
         chosen = np.flatnonzero(which)
         if chosen.size:
@@ -121,7 +133,7 @@ def _zeros(system: Slice, lattice: Lattice, kind: str, edges: Edges) -> np.ndarr
 
 def _ends(system: Slice, lattice: Lattice, kind: str, edges: Edges) -> np.ndarray:
     """Ends of the branch on edges that lead out of it."""
-    upward = lattice.ok[tuple(edges.lower.T)][:, None]
+    upward = ~edges.down[:, None]
     inner = np.where(upward, edges.lower, edges.upper)
     outer = np.where(upward, edges.upper, edges.lower)
     begin, target = lattice.place(inner), lattice.place(outer)

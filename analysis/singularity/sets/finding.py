@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from closedchain.analysis.singularity.maps.grid import Progress, grid_of
 from closedchain.analysis.singularity.sets.curves import curves_on, is_everywhere
-from closedchain.analysis.singularity.sets.lattice import Lattice, lattice_on
+from closedchain.analysis.singularity.sets.lattice import Lattice, finer, lattice_on
 from closedchain.analysis.singularity.sets.meeting import meeting
 from closedchain.analysis.singularity.sets.singular_set import KINDS, SingularitySet
 from closedchain.analysis.singularity.sets.surfaces import surface_set
@@ -96,7 +96,8 @@ def set_of(
     """Singular set of a kind on a lattice; ``check`` it against a grid twice as fine."""
     if kind == "combined":
         one, two = (set_of(lattice, k, outputs, progress, check=check) for k in BOTH)
-        return meeting(lattice, one, two, outputs)
+        branch = [lattice, finer(lattice, progress)] if check else [lattice]
+        return meeting(branch, one, two, outputs)
     square = kind in lattice.det or kind == lattice.chart.folds
     if len(lattice.values) == 3 and square and not is_everywhere(lattice, kind):
         return surface_set(lattice, kind, outputs, progress, check=check)

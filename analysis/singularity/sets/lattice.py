@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -44,6 +45,8 @@ class Lattice:
         where the status is not OK.
     singular : mapping of kind to bool array
         Cells that are singular themselves, within ``SINGULAR``.
+    joined : (*shape, k) array of bool
+        Whether the branch leads from a cell to the next one along each axis, posture to posture.
     """
 
     grid: Grid
@@ -53,6 +56,7 @@ class Lattice:
     sigma: dict[str, np.ndarray]
     det: dict[str, np.ndarray]
     singular: dict[str, np.ndarray]
+    joined: np.ndarray
 
     @property
     def chart(self) -> Chart:
@@ -117,6 +121,44 @@ class Lattice:
 
         return cKDTree(self.place(self.cells) / self.cell)
 
+    @cached_property
+    def apart(self) -> np.ndarray:
+        """Where neighbours on the branch are on different sheets, (*shape, k), as ``joined``."""
+        found = np.zeros_like(self.joined)
+        for axis in range(self.ok.ndim):
+            one, two = pairs(self.ok.ndim, axis)
+            along = found[..., axis]
+            along[one] = self.ok[one] & self.ok[two] & ~self.joined[..., axis][one]
+        return found
+
+    @cached_property
+    def seams(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Where neighbours of the branch lie on different sheets and one of these ends between.
+
+        Cells (n, k), axes (n,) towards the next ones, and whether the sheet of the next one is the
+        one that ends, (n,) of bool. A seam at which both sheets end is there twice. Cells that are
+        singular themselves have no sheet of their own.
+        """
+        special = self.singular.get(self.chart.folds or "", np.zeros_like(self.ok))
+        lower, axes, downs = [], [], []
+        for axis in range(self.ok.ndim):
+            cells = np.argwhere(self.apart[..., axis] & ~special)
+            other = cells.copy()
+            other[:, axis] += 1
+            plain = ~special[tuple(other.T)]
+            cells, other = cells[plain], other[plain]
+            for begin, end, down in ((cells, other, False), (other, cells, True)):
+                if not len(cells):
+                    continue
+                gone = self.follow(self.q[tuple(begin.T)], self.place(end))[1]
+                lower.append(cells[gone < 1.0])
+                axes.append(np.full(len(lower[-1]), axis))
+                downs.append(np.full(len(lower[-1]), down))
+        if not lower:
+            none = np.zeros(0, dtype=int)
+            return np.zeros((0, self.ok.ndim), dtype=int), none, none.astype(bool)
+        return np.concatenate(lower), np.concatenate(axes), np.concatenate(downs)
+
     def place(self, cells: np.ndarray) -> np.ndarray:
         """Coordinates (n, k) of cells (n, k)."""
         return self.grid.coordinates(cells)
@@ -144,7 +186,7 @@ def lattice_on(grid: Grid, outputs: tuple[str, ...], progress: Progress | None =
     job = Job(grid, tiles_of(grid.shape, None, grid.names), choice, keep_q=True)
     anchor = anchor_of(grid)
     store = in_memory(job.tiles, choice.every, grid.start.size, keep_q=True)
-    warm(job, progress, search=False)
+    warm(job, progress)
     with crew(job) as workers:
         fill(job, anchor, store, InMemory(), workers, progress, others=False)
     return lattice_of(grid, store.arrays, outputs)
@@ -163,13 +205,28 @@ def lattice_of(grid: Grid, arrays: Mapping[str, np.ndarray], outputs: tuple[str,
     with np.errstate(invalid="ignore"):
         singular = {k: s <= SINGULAR * largest[k] for k, s in sigma.items()}
     status, q = np.asarray(arrays["status"]), np.asarray(arrays["q"])
-    return Lattice(grid, outputs, status, q, sigma, det, singular)
+    masks = 1 << np.arange(len(grid.shape))
+    joined = (np.asarray(arrays["joined"])[..., None] & masks) > 0
+    return Lattice(grid, outputs, status, q, sigma, det, singular, joined)
+
+
+_FINER: WeakKeyDictionary[Lattice, Lattice] = WeakKeyDictionary()
 
 
 def finer(lattice: Lattice, progress: Progress | None = None) -> Lattice:
-    """The same branch on a grid twice as fine."""
-    axes = tuple(np.sort(np.concatenate([v, 0.5 * (v[1:] + v[:-1])])) for v in lattice.values)
-    return lattice_on(replace(lattice.grid, values=axes), lattice.outputs, progress)
+    """The same branch on a grid twice as fine, made once."""
+    if lattice not in _FINER:
+        axes = tuple(np.sort(np.concatenate([v, 0.5 * (v[1:] + v[:-1])])) for v in lattice.values)
+        grid = replace(lattice.grid, values=axes)
+        _FINER[lattice] = lattice_on(grid, lattice.outputs, progress)
+    return _FINER[lattice]
+
+
+def pairs(ndim: int, axis: int) -> tuple[tuple[slice, ...], tuple[slice, ...]]:
+    """Views of an array shifted by one along an axis."""
+    one = tuple(slice(None, -1) if i == axis else slice(None) for i in range(ndim))
+    two = tuple(slice(1, None) if i == axis else slice(None) for i in range(ndim))
+    return one, two
 
 
 def cells_around(shape: tuple[int, ...]) -> list[tuple[int, ...]]:

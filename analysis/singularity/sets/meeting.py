@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -20,14 +20,18 @@ COLUMN = {"direct": 0, "inverse": 1}
 
 
 def meeting(
-    lattice: Lattice, one: SingularitySet, two: SingularitySet, outputs: tuple[str, ...]
+    branch: Sequence[Lattice],
+    one: SingularitySet,
+    two: SingularitySet,
+    outputs: tuple[str, ...],
 ) -> SingularitySet:
     """Combined set from the direct and the inverse set of a slice, in either order.
 
     On each of them, places are sought where the other kind's singular value is least; from there
     both measures are driven to zero. Where the slice is singular of one kind everywhere, the whole
-    set of the other kind is combined.
+    set of the other kind is combined. ``branch`` is the branch on one grid, or also on a finer one.
     """
+    lattice = branch[0]
     if one.everywhere and two.everywhere:
         note = "every posture of the slice is directly and inversely singular"
         return collect(
@@ -39,7 +43,7 @@ def meeting(
             note = f"the slice is {whole.kind}ly singular everywhere: the whole {what} is combined"
             return replace(other, kind="combined", note=note)
     measures = tuple(Measure(lattice.chart.mechanism, k, outputs) for k in ("direct", "inverse"))
-    tracker = Tracker(Slice(lattice.chart, measures), lattice)
+    tracker = Tracker(Slice(lattice.chart, measures), lattice, branch[-1])
     for of, other in ((one, two), (two, one)):
         for i in _least(of, of.sigmas[:, COLUMN[other.kind]]):
             start = np.concatenate([of.q[i], of.coordinates[i]])

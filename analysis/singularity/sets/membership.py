@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from closedchain.analysis.singularity.sets.lattice import Lattice
@@ -19,19 +21,29 @@ STANDING = 0.3  # dimensionless: from the end of such a way to the self-motion
 SAMPLE = 5  # points of a curve between two that are looked at, while they agree
 
 
-def reached(system: Slice, lattice: Lattice, points: np.ndarray) -> np.ndarray:
+def reached(system: Slice, branch: Sequence[Lattice], points: np.ndarray) -> np.ndarray:
     """Whether the straight way from a nearby cell of the branch leads to each very point.
 
     At a fold of the chart the way ends just before the point.
 
     Parameters
     ----------
+    branch : sequence of Lattice
+        The branch on one grid or on several: to be reached from one is enough.
     points : (n, nq + k) array
 
     Returns
     -------
     (n,) array of bool
     """
+    out = np.zeros(len(points), dtype=bool)
+    for lattice in branch:
+        left = np.flatnonzero(~out)
+        out[left] = _reached(system, lattice, points[left])
+    return out
+
+
+def _reached(system: Slice, lattice: Lattice, points: np.ndarray) -> np.ndarray:
     out = np.zeros(len(points), dtype=bool)
     if not len(points) or not len(lattice.cells):
         return out
@@ -46,12 +58,16 @@ def reached(system: Slice, lattice: Lattice, points: np.ndarray) -> np.ndarray:
     return out
 
 
-def met(system: Slice, lattice: Lattice, z: np.ndarray) -> bool:
+def met(system: Slice, branch: Sequence[Lattice], z: np.ndarray) -> bool:
     """Whether a way from a nearby cell of the branch ends in some solution above a point's place.
 
     For points (nq + k,) above which a whole set of postures stands: which of them a way ends in
     depends on where it comes from.
     """
+    return any(_met(system, lattice, z) for lattice in branch)
+
+
+def _met(system: Slice, lattice: Lattice, z: np.ndarray) -> bool:
     place = system.coordinates(z)
     count = min(AROUND, len(lattice.cells))
     if not count:
@@ -72,16 +88,16 @@ def met(system: Slice, lattice: Lattice, z: np.ndarray) -> bool:
     return False
 
 
-def along(system: Slice, lattice: Lattice, points: np.ndarray) -> np.ndarray:
+def along(system: Slice, branch: Sequence[Lattice], points: np.ndarray) -> np.ndarray:
     """``reached`` for the points (n, nq + k) of a curve: every one only where that changes."""
     n = len(points)
     marks = np.unique([*range(0, n, SAMPLE), n - 1])
-    at = reached(system, lattice, points[marks])
+    at = reached(system, branch, points[marks])
     out = np.repeat(at, np.diff(np.append(marks, n)))
     changes = np.flatnonzero(at[:-1] != at[1:])
     between = [np.arange(marks[i] + 1, marks[i + 1]) for i in changes]
     unsure = np.concatenate([np.zeros(0, dtype=int), *between])
-    out[unsure] = reached(system, lattice, points[unsure])
+    out[unsure] = reached(system, branch, points[unsure])
     return out
 
 

@@ -18,16 +18,17 @@ class Mesh:
     triangles: np.ndarray
 
 
-def mesh_of(inside: np.ndarray, known: np.ndarray) -> Mesh:
+def mesh_of(inside: np.ndarray, known: np.ndarray, apart: np.ndarray) -> Mesh:
     """Mesh between the cells that are inside and the others, (nx, ny, nz) of bool each.
 
-    Triangles in cubes with a corner that is not known are left out.
+    Triangles in cubes with a corner that is not known are left out, and in those with an edge
+    between two sheets: ``apart`` (nx, ny, nz, 3) of bool, from each cell to the next ones.
     """
     from skimage import measure
 
     if not (inside & known).any() or not (~inside & known).any():
         none = np.zeros((0, 3), dtype=int)
-        return Mesh(Edges(none, np.zeros(0, dtype=int)), none)
+        return Mesh(Edges(none, none[:, 0], none[:, 0].astype(bool)), none)
     cubes: Any = measure  # its functions have no annotations
     volume = np.where(inside, 1.0, -1.0)
     places, triangles, _, _ = cubes.marching_cubes(volume, 0.0, method="lorensen")
@@ -39,8 +40,11 @@ def mesh_of(inside: np.ndarray, known: np.ndarray) -> Mesh:
     for corner in np.ndindex(2, 2, 2):
         at = np.minimum(cube + np.array(corner), np.array(inside.shape) - 1)
         whole &= known[tuple(at.T)]
+        for way in np.flatnonzero(np.array(corner) == 0):
+            whole &= ~apart[(*at.T, way)]
     kept = triangles[whole]
     used = np.unique(kept)
     number = np.full(len(places), -1)
     number[used] = np.arange(used.size)
-    return Mesh(Edges(lower[used], axis[used]), number[kept].reshape(-1, 3))
+    down = ~inside[tuple(lower[used].T)]
+    return Mesh(Edges(lower[used], axis[used], down), number[kept].reshape(-1, 3))

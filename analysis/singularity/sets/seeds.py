@@ -8,7 +8,7 @@ import numpy as np
 
 from closedchain.analysis.singularity.maps.grid import JOINT_LIMIT
 from closedchain.analysis.singularity.sets.edges import Edges
-from closedchain.analysis.singularity.sets.lattice import Lattice, cells_around
+from closedchain.analysis.singularity.sets.lattice import Lattice, cells_around, pairs
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,27 +45,32 @@ def brackets(lattice: Lattice, kind: str) -> Edges:
     """Edges of the grid that the set of a kind crosses: none where that cannot be told.
 
     A kind at which the chart folds ends the branch: edges lead from cells of the branch to cells
-    that it does not reach, joint limits excepted. Other kinds change the sign of a determinant
-    between cells of the branch; cells that are singular themselves count as either sign.
+    that it does not reach, joint limits excepted, and from one sheet of the branch to another.
+    Other kinds change the sign of a determinant between joined cells of the branch; cells that are
+    singular themselves count as either sign.
     """
     ok = lattice.ok
     folds = kind == lattice.chart.folds
     if not folds and kind not in lattice.det:
-        return Edges(np.zeros((0, ok.ndim), dtype=int), np.zeros(0, dtype=int))
+        none = np.zeros(0, dtype=int)
+        return Edges(np.zeros((0, ok.ndim), dtype=int), none, none.astype(bool))
     out = ~ok & (lattice.status != JOINT_LIMIT)
     det = np.zeros(ok.shape) if folds else np.where(lattice.singular[kind], 0.0, lattice.det[kind])
-    lower, axes = [], []
+    lower, axes, downs = [], [], []
     for axis in range(ok.ndim):
-        one, two = _pairs(ok.ndim, axis)
+        one, two = pairs(ok.ndim, axis)
         if folds:
             chosen = (ok[one] & out[two]) | (out[one] & ok[two])
         else:
             with np.errstate(invalid="ignore"):
-                chosen = ok[one] & ok[two] & (np.sign(det[one]) * np.sign(det[two]) <= 0.0)
+                chosen = lattice.joined[one][..., axis]
+                chosen = chosen & (np.sign(det[one]) * np.sign(det[two]) <= 0.0)
         cells = np.argwhere(chosen)
         lower.append(cells)
         axes.append(np.full(len(cells), axis))
-    return Edges(np.concatenate(lower), np.concatenate(axes))
+        downs.append(~ok[tuple(cells.T)])
+    found = Edges(np.concatenate(lower), np.concatenate(axes), np.concatenate(downs))
+    return found.and_also(Edges(*lattice.seams)) if folds else found
 
 
 def middles(lattice: Lattice, edges: Edges) -> np.ndarray:
@@ -74,10 +79,11 @@ def middles(lattice: Lattice, edges: Edges) -> np.ndarray:
 
 
 def seed_on(lattice: Lattice, kind: str, edges: Edges, i: int) -> Seed:
-    """An edge as a seed: from whichever end lies in the branch and is nearer to the set."""
+    """An edge as a seed: from the end whose sheet is sought, or from that nearer to the set."""
     one, two = tuple(edges.lower[i]), tuple(edges.upper[i])
     sigma = [lattice.sigma[kind][c] if lattice.ok[c] else np.inf for c in (one, two)]
-    cell = tuple(int(j) for j in (one if sigma[0] <= sigma[1] else two))
+    upper = edges.down[i] if kind == lattice.chart.folds else sigma[1] < sigma[0]
+    cell = tuple(int(j) for j in (two if upper else one))
     place = middles(lattice, edges.take(np.array([i])))[0]
     return Seed(place, cell, int(edges.axis[i]), REACH)
 
@@ -111,10 +117,3 @@ def least_values(lattice: Lattice, kind: str, most: int = 60, *, wide: bool = Fa
         cell = tuple(int(j) for j in cells[i])
         seeds.append(Seed(places[i], cell, None, np.inf if wide else FAR, tuple(others)))
     return seeds
-
-
-def _pairs(ndim: int, axis: int) -> tuple[tuple[slice, ...], tuple[slice, ...]]:
-    """Views of an array shifted by one along an axis."""
-    one = tuple(slice(None, -1) if i == axis else slice(None) for i in range(ndim))
-    two = tuple(slice(1, None) if i == axis else slice(None) for i in range(ndim))
-    return one, two

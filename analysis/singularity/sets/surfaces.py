@@ -49,9 +49,10 @@ def surface_set(
     system = Slice(lattice.chart, (Measure(lattice.chart.mechanism, kind, outputs),))
     tracker = Tracker(system, lattice)
     meshes = [_meshed(tracker, lattice, kind, None, progress)]
-    missed = None
+    missed, branch = None, [lattice]
     if check:
         fine = finer(lattice, progress)
+        branch.append(fine)
         places = middles(fine, brackets(fine, kind))
         away = _away(system, meshes, places, lattice.cell)
         if away.any():
@@ -59,7 +60,7 @@ def surface_set(
             away = _away(system, meshes, places, lattice.cell)
         missed = int(away.sum())
     pieces = [
-        Piece(m.points, reached(system, lattice, m.points), triangles=m.triangles)
+        Piece(m.points, reached(system, branch, m.points), triangles=m.triangles)
         for m in meshes
         if len(m.points)
     ]
@@ -92,7 +93,7 @@ def _meshed(
     else:
         det = np.where(lattice.ok, lattice.det[kind], -1.0)
         inside, known = det >= 0.0, lattice.ok
-    mesh = mesh_of(inside, known)
+    mesh = mesh_of(inside, known, lattice.apart)
     triangles = mesh.triangles
     if places is not None:
         triangles = triangles[_around(lattice, mesh, places)]

@@ -94,7 +94,9 @@ def touches(lattice: Lattice, kind: str) -> tuple[Edges, np.ndarray]:
         lower.append(cells)
         axes.append(np.full(len(cells), axis))
         points.append(z[found])
-    return Edges(np.concatenate(lower), np.concatenate(axes)), np.concatenate(points)
+    every = np.concatenate(lower)
+    edges = Edges(every, np.concatenate(axes), np.zeros(len(every), dtype=bool))
+    return edges, np.concatenate(points)
 
 
 def _lows(lattice: Lattice, kind: str, axis: int) -> np.ndarray:
@@ -104,7 +106,8 @@ def _lows(lattice: Lattice, kind: str, axis: int) -> np.ndarray:
     singular = np.moveaxis(lattice.singular[kind], axis, 0)
     sign = np.sign(np.moveaxis(np.where(lattice.ok, lattice.det[kind], 0.0), axis, 0))
     here, before, after = slice(1, -1), slice(None, -2), slice(2, None)
-    low = ok[here] & ok[before] & ok[after]
+    joined = np.moveaxis(lattice.joined[..., axis], axis, 0)
+    low = ok[here] & joined[before] & joined[here]
     low &= (sigma[here] <= sigma[before]) & (sigma[here] <= sigma[after])
     low &= (sigma[here] < sigma[before]) | (sigma[here] < sigma[after])
     low &= ~singular[before] & ~singular[after] & (sign[before] == sign[after])
@@ -226,7 +229,7 @@ def _ends(lattice: Lattice, points: np.ndarray, closed: bool) -> tuple[str, str]
 
 def _mesh(lattice: Lattice, edges: Edges, points: np.ndarray) -> list[Piece]:
     """Triangles between the two sides of the set, told apart by crossing it from cell to cell."""
-    mesh = mesh_of(_sides(lattice, edges), lattice.ok)
+    mesh = mesh_of(_sides(lattice, edges), lattice.ok, lattice.apart)
     number = {edge: i for i, edge in enumerate(_keys(edges))}
     of = np.array([number.get(edge, -1) for edge in _keys(mesh.edges)], dtype=int)
     triangles = of[mesh.triangles].reshape(-1, 3)

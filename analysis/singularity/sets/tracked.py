@@ -47,6 +47,8 @@ class Tracker:
 
     Attributes
     ----------
+    finer : Lattice, optional
+        The same branch on a finer grid, where that is known.
     curves : list of Curve
     points : list of arrays
         Solutions that lie on no curve: isolated ones.
@@ -69,6 +71,7 @@ class Tracker:
 
     system: Slice
     lattice: Lattice
+    finer: Lattice | None = None
     curves: list[Curve] = field(default_factory=list)
     points: list[np.ndarray] = field(default_factory=list)
     flat: list[np.ndarray] = field(default_factory=list)
@@ -103,6 +106,11 @@ class Tracker:
         ]
         steps = CELL_STEP * self.lattice.cell / chart.scale
         self.longest = np.concatenate([np.full(model.nv, POSTURE_STEP), steps])
+
+    @property
+    def branch(self) -> list[Lattice]:
+        """The branch, on every grid on which it is known."""
+        return [self.lattice] if self.finer is None else [self.lattice, self.finer]
 
     # -- seeds -----------------------------------------------------------------------------------
 
@@ -198,7 +206,7 @@ class Tracker:
                 if any(self._gap(crossing, other) < SAME for other in self.crossings):
                     continue
                 self.crossings.append(crossing)
-                if not reached(self.system, self.lattice, crossing[None])[0]:
+                if not reached(self.system, self.branch, crossing[None])[0]:
                     continue
                 near = [curve.points[j] for j in (i - 1, i + 1) if 0 <= j < len(curve.points)]
                 radius = min((self._gap(crossing, n) for n in near), default=0.0)
@@ -256,7 +264,9 @@ class Tracker:
         coranks = self._more_lost(z)
         if self.system.unfold or max(coranks) > MOST_RANKS:
             return False
-        inner = self.inner.get(coranks) or Tracker(self.system.losing(coranks), self.lattice)
+        inner = self.inner.get(coranks) or Tracker(
+            self.system.losing(coranks), self.lattice, self.finer
+        )
         found = settle(inner.system, z)
         settled = found.posture
         if not found.good or self._gap(z, settled) > BESIDE:
@@ -286,7 +296,7 @@ class Tracker:
             return False
         inner = self.inner.get("constraint")
         if inner is None:
-            inner = Tracker(Slice(self.system.chart, (measure,)), self.lattice)
+            inner = Tracker(Slice(self.system.chart, (measure,)), self.lattice, self.finer)
         # where branches meet, rounding of the closures lets a posture be off by its root
         found = settle(inner.system, z)
         if not found.good or self._gap(z, found.posture) > BLURRED:
