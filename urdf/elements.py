@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from lxml import etree
 
 from closedchain.urdf._parameters import NUMBER
+from closedchain.urdf._scan import scan
 from closedchain.urdf.description import Origin, Vector3
 from closedchain.urdf.errors import DescriptionError, known_names
 
@@ -221,3 +222,28 @@ def origin_element(origin: Origin, tag: str = "origin") -> Element:
         if any(values):
             element.set(name, written(values))
     return element
+
+
+def document(text: str) -> Element:
+    """Parse a text without entities, network or DTD.
+
+    Raises
+    ------
+    DescriptionError
+        An empty text, one that is not well-formed or has a DOCTYPE.
+    """
+    if not text.strip():
+        raise DescriptionError("the text is empty")
+    scan(text)
+    parser = etree.XMLParser(
+        encoding="utf-8",
+        resolve_entities=False,
+        no_network=True,
+        load_dtd=False,
+        huge_tree=False,
+        remove_comments=True,
+    )
+    try:
+        return etree.fromstring(text.encode("utf-8"), parser)
+    except etree.XMLSyntaxError as error:
+        raise DescriptionError(f"not well-formed XML: {error.msg}", line=error.lineno) from None

@@ -82,7 +82,7 @@ def expand(
     DescriptionError
         Anything wrong with the file, the files it includes or the parameters.
     """
-    text, file = _read(source)
+    text, file = read_source(source)
     found = scan(text, file)
     if found.use and not (found.declared and xacro):
         why = (
@@ -115,8 +115,14 @@ def expand(
     return Expansion(expanded, MappingProxyType(in_force))
 
 
-def _read(source: str | os.PathLike[str]) -> tuple[str, str | None]:
-    """Text and absolute file name (None when the source is the text itself)."""
+def read_source(source: str | os.PathLike[str]) -> tuple[str, str | None]:
+    """Text and absolute file name (None when the source is the text itself).
+
+    Raises
+    ------
+    DescriptionError
+        A file that cannot be read, is empty or no UTF-8 text.
+    """
     if isinstance(source, str) and source.lstrip("\ufeff \t\r\n").startswith("<"):
         return source.lstrip("\ufeff"), None
     name = os.fsdecode(source)

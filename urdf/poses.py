@@ -17,7 +17,7 @@ Quaternion = tuple[float, float, float, float]
 
 
 def pose(
-    rotation: np.ndarray | None = None, translation: Sequence[float] = (0, 0, 0)
+    rotation: np.ndarray | None = None, translation: Sequence[float] | np.ndarray = (0, 0, 0)
 ) -> np.ndarray:
     """Pose (4, 4) with a rotation (3, 3), none by default, and a translation [m]."""
     found = np.eye(4)

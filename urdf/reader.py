@@ -26,7 +26,6 @@ from closedchain.urdf._checks import (
 )
 from closedchain.urdf._foreign import set_aside
 from closedchain.urdf._roles import read_input, read_remark, read_state, read_task
-from closedchain.urdf._scan import scan
 from closedchain.urdf.constraint_element import CONSTRAINT, read_constraint
 from closedchain.urdf.description import (
     Description,
@@ -97,7 +96,7 @@ def read(text: str, *, parameters: Mapping[str, ParameterValue] = _NONE) -> Desc
     DescriptionError
         Whatever is wrong with it.
     """
-    root = _parse(text)
+    root = elements.document(text)
     if etree.QName(root).localname != "robot":
         raise DescriptionError(
             "the root element must be <robot>", line=root.sourceline, element=str(root.tag)
@@ -147,25 +146,6 @@ def read(text: str, *, parameters: Mapping[str, ParameterValue] = _NONE) -> Desc
         parameters=parameters,
         text=text,
     )
-
-
-def _parse(text: str) -> Element:
-    """Parse without entities, network or DTD."""
-    if not text.strip():
-        raise DescriptionError("the text is empty")
-    scan(text)
-    parser = etree.XMLParser(
-        encoding="utf-8",
-        resolve_entities=False,
-        no_network=True,
-        load_dtd=False,
-        huge_tree=False,
-        remove_comments=True,
-    )
-    try:
-        return etree.fromstring(text.encode("utf-8"), parser)
-    except etree.XMLSyntaxError as error:
-        raise DescriptionError(f"not well-formed XML: {error.msg}", line=error.lineno) from None
 
 
 def _task(root: Element, links: list[str]) -> Task | None:

@@ -16,6 +16,7 @@ from closedchain.closure import (
     load_urdf,
     residual,
 )
+from closedchain.closure.files import load_file
 from closedchain.robots import load, robots
 from closedchain.urdf.errors import ClosedChainError, ClosureError, DescriptionError
 
@@ -140,6 +141,7 @@ __all__ = [
     "inverse",
     "leg_velocity",
     "load",
+    "load_file",
     "load_urdf",
     "loops",
     "mobility",

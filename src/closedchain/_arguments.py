@@ -25,7 +25,7 @@ class BadArgumentError(ClosedChainError):
 def load_robot(
     name: str, settings: Sequence[str] = (), variant: str | None = None, *, xacro: bool = True
 ) -> Mechanism:
-    """Load a robot of the catalogue, or of a URDF or xacro file.
+    """Load a robot of the catalogue, or of a file of any known format.
 
     Raises
     ------
@@ -35,7 +35,7 @@ def load_robot(
     import closedchain as cc
     from closedchain.closure import mechanism_from_description
     from closedchain.robots import families
-    from closedchain.urdf import load_description
+    from closedchain.urdf.files import describe_file
 
     known = (*cc.robots(), *families())
     parameters = assignments(settings, "--set")
@@ -47,13 +47,13 @@ def load_robot(
     path = Path(name)
     if not path.is_file():
         if path.is_dir():
-            raise DescriptionError(f"{name} is a folder, not a URDF file")
+            raise DescriptionError(f"{name} is a folder, not a file of a robot")
         if path.suffix or path.name != name:
             raise DescriptionError(f"there is no file {name}")
         raise DescriptionError(f"{known_names(name, 'robot', known)}; nor is it a file")
     if variant is not None:
         raise DescriptionError("--variant is for robots of the catalogue, not for files")
-    return mechanism_from_description(load_description(path, parameters, xacro=xacro))
+    return mechanism_from_description(describe_file(path, parameters, xacro=xacro))
 
 
 def up_axis(name: str, chosen: str | None = None) -> Up:

@@ -5,7 +5,11 @@ from typing import Annotated
 import typer
 
 Robot = Annotated[
-    str, typer.Argument(metavar="ROBOT", help="Name in the catalogue, or a URDF or xacro file.")
+    str,
+    typer.Argument(
+        metavar="ROBOT",
+        help="Name in the catalogue, or a file: URDF, xacro, MJCF, SDF, robot.yaml.",
+    ),
 ]
 Values = Annotated[
     list[str] | None,
