@@ -1,26 +1,33 @@
-"""From a description to a mechanism: Pinocchio model, closures, task, length, closed home."""
+"""From a file to a mechanism: read, taken for what its rounded numbers mean, closed at home."""
 
 from __future__ import annotations
 
 import os
-from functools import partial
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
-import pinocchio as pin
 
-from closedchain.closure.closures import Closure, CoupledJoint, Coupling
-from closedchain.closure.length import characteristic_length
-from closedchain.closure.mechanism import Mechanism, TaskFrame
-from closedchain.closure.named import Postures
-from closedchain.closure.nearest import closed_beside
-from closedchain.closure.tree import Tree, build_tree, se3, z_onto
-from closedchain.urdf.description import Coupling as MimicSpec
-from closedchain.urdf.description import Description, JointRelation, LoopClosure, ParameterValue
-from closedchain.urdf.errors import DescriptionError
+from closedchain.closure.assembly import Assembled, assembled, moved
+from closedchain.closure.build import as_stated, length_at
+from closedchain.closure.mechanism import Mechanism
+from closedchain.closure.rounding.verdict import meant
+from closedchain.urdf.description import Description, ParameterValue
+from closedchain.urdf.errors import DescriptionError, known_names
+
+JointValue = float | Sequence[float]
+
+MOVED = 1e-6  # m or rad that home may be from where it is stated without a word
 
 
 def load_urdf(
-    source: str | os.PathLike[str], *, xacro: bool = True, **parameters: ParameterValue
+    source: str | os.PathLike[str],
+    tolerance: float | None = None,
+    package_dirs: Sequence[str | os.PathLike[str]] = (),
+    home: Mapping[str, JointValue] | ParameterValue | None = None,
+    *,
+    xacro: bool = True,
+    **parameters: ParameterValue,
 ) -> Mechanism:
     """Load a closed-chain mechanism from a URDF or xacro file, or from its text.
 
@@ -31,8 +38,22 @@ def load_urdf(
     ----------
     source : path or str
         A file, or the text itself (it begins with ``<``).
+    tolerance : float, optional
+        How much rounded numbers may leave open [m]; angles times the characteristic length. By
+        default ten units of the coarsest last printed digit; 0 takes every number as it stands.
+    package_dirs : sequence of paths
+        Folders that hold the packages of ``package://`` meshes; ROS_PACKAGE_PATH is searched too.
+    home : mapping of joint or input to value, optional
+        Values [m, rad] that replace those of the stated home; of a floating joint seven, x y z and
+        a quaternion x y z w. What is no mapping is the value of a ``<xacro:arg name="home">``.
     parameters : numbers, strings or booleans
         Values for the file's ``<xacro:arg>``.
+
+    Returns
+    -------
+    Mechanism
+        ``notes`` say what was read over or assumed. Where no closed home is found ``home_open``
+        is true.
 
     Raises
     ------
@@ -41,119 +62,120 @@ def load_urdf(
     """
     from closedchain.urdf import load_description
 
-    return mechanism_from_description(load_description(source, parameters, xacro=xacro))
+    if home is not None and not isinstance(home, Mapping):
+        parameters, home = {**parameters, "home": home}, None
+    description = load_description(source, parameters, xacro=xacro)
+    name = os.fsdecode(source)
+    is_text = name.lstrip("\ufeff \t\r\n").startswith("<")
+    description = replace(
+        description,
+        folder=None if is_text else os.path.dirname(os.path.abspath(name)),
+        package_dirs=tuple(os.fsdecode(folder) for folder in package_dirs),
+    )
+    return mechanism_from_description(description, tolerance, home)
 
 
-def mechanism_from_description(description: Description) -> Mechanism:
+def mechanism_from_description(
+    description: Description,
+    tolerance: float | None = None,
+    home: Mapping[str, JointValue] | None = None,
+) -> Mechanism:
     """Build the mechanism that a description describes and close its home posture.
+
+    ``tolerance`` and ``home`` as for ``load_urdf``. Where no closed home is found, home is where
+    descent from the stated one ends, and ``home_open`` is true.
 
     Raises
     ------
     DescriptionError
-        The loops cannot be closed from the stated home posture; names the closure that stays open.
+        A joint of ``home`` that is unknown, or another number of values than it has.
     """
-    tree = build_tree(description)
-    closures: tuple[Closure | Coupling, ...] = (
-        *(_closure(tree, spec) for spec in description.closures),
-        *(_mimic(tree, description, spec) for spec in description.couplings),
-        *(_relation(tree, description, spec) for spec in description.relations),
-    )
-    task = description.task
-    stated = _stated_home(tree, description)
-    mechanism = Mechanism(
-        name=description.name,
-        model=tree.model,
-        closures=closures,
-        inputs=tuple(spec.name for spec in description.inputs),
-        task=None if task is None else TaskFrame(task.base, task.tip, task.outputs),
-        home=stated,
-        parameters=description.parameters,
-        length=1.0,
-        description=description,
-        named=Postures,
-    )
+    if tolerance is not None and not 0.0 <= tolerance < np.inf:
+        raise DescriptionError(f"tolerance must be a length in m, not below 0, got {tolerance!r}")
+    if home:
+        description = replace(description, home={**description.home, **_given(description, home)})
+    mechanism, rounding = meant(as_stated, as_stated(description), tolerance)
+    stated = mechanism.home
     # the length of the stated posture closes home, whose own length then holds
-    mechanism = mechanism.with_home(stated, _length(mechanism, stated))
-    home = _closed_home(mechanism, stated)
-    return mechanism.with_home(home, _length(mechanism, home))
+    found = assembled(mechanism)
+    assumed = () if rounding is None else (rounding.text,)
+    closed = mechanism.with_home(found.q, length_at(mechanism, found.q))
+    return replace(
+        closed,
+        assumed=(*assumed, *_of_home(mechanism, stated, found)),
+        rounding=rounding,
+        open_by=found.open,
+    )
 
 
-def _length(mechanism: Mechanism, q: np.ndarray) -> float:
-    """Characteristic length [m]: as stated by the task, else that of a posture (nq,)."""
-    task = mechanism.description.task
-    if task is not None and task.length is not None:
-        return task.length
-    data = mechanism.workspace.data
-    return characteristic_length(mechanism.model, data, mechanism.closures, q)
-
-
-def _closed_home(mechanism: Mechanism, stated: np.ndarray) -> np.ndarray:
-    if not mechanism.closures:
-        return stated
-    solution = closed_beside(mechanism, stated)
-    if not solution.converged:
+def refuse_open(mechanism: Mechanism) -> Mechanism:
+    """Return the mechanism, or raise ``DescriptionError`` where its home is open."""
+    if mechanism.home_open:
         raise DescriptionError(
-            f"the home posture of {mechanism.name!r} cannot be closed: {solution.message}; give "
-            'parameters that fit, or joint values nearer to closure in <group_state name="home">'
+            f"the home posture of {mechanism.name!r} cannot be closed: {mechanism.assumed[-1]}; "
+            "give parameters that fit, or joint values nearer to closure in <group_state "
+            'name="home">'
         )
-    return solution.q
+    return mechanism
 
 
-def _closure(tree: Tree, spec: LoopClosure) -> Closure:
-    joint1, placement1 = tree.supports[spec.parent]
-    joint2, placement2 = tree.supports[spec.child]
-    return Closure(
-        name=spec.name,
-        kind=spec.type,
-        joint1=joint1,
-        placement1=placement1 * se3(spec.parent_origin) * z_onto(spec.parent_axis),
-        joint2=joint2,
-        placement2=placement2 * se3(spec.child_origin) * z_onto(spec.child_axis),
-        parent=spec.parent,
-        child=spec.child,
-        sizes=dict(spec.sizes),
-    )
+def _of_home(mechanism: Mechanism, stated: np.ndarray, found: Assembled) -> tuple[str, ...]:
+    """Sentences on a home that is not where it is stated."""
+    if found.open:
+        return (f"home is open, no closed posture was found: it {found.message}",)
+    notes = []
+    names = mechanism.description.home
+    changes = moved(mechanism, stated, found.q)
+    if names:
+        for name in names:
+            if changes[name] > MOVED:
+                was, now = (_words(mechanism, q, name) for q in (stated, found.q))
+                notes.append(
+                    f"home: joint {name!r} is stated at {was} and closes at {now}, "
+                    f"{changes[name]:.3g} away"
+                )
+    elif max(changes.values(), default=0.0) > MOVED:
+        shown = [name for name in changes if changes[name] > MOVED]
+        listed = ", ".join(f"{name} {_words(mechanism, found.q, name)}" for name in shown[:8])
+        more = f" and {len(shown) - 8} more" if len(shown) > 8 else ""
+        notes.append(
+            "no home is stated and the loops are open with all joints at zero: home is a closed "
+            f"posture near that, {listed}{more}"
+        )
+    if found.message:
+        notes.append(f"home {found.message}")
+    return tuple(notes)
 
 
-def _mimic(tree: Tree, description: Description, spec: MimicSpec) -> Coupling:
-    return Coupling(
-        name=f"{spec.joint}_mimic",
-        kind="coupling",
-        joints=(
-            _coupled(tree, spec.joint, (0.0, 1.0)),
-            _coupled(tree, spec.leader, (-spec.offset, -spec.multiplier)),
-        ),
-        length_row=_slides(description, spec.joint),
-    )
+def _words(mechanism: Mechanism, q: np.ndarray, name: str) -> str:
+    joint = mechanism.model.joints[mechanism.model.getJointId(name)]
+    return " ".join(f"{x:.6g}" for x in q[joint.idx_q : joint.idx_q + joint.nq] + 0.0)
 
 
-def _relation(tree: Tree, description: Description, spec: JointRelation) -> Coupling:
-    if spec.type == "linear":
-        slopes = spec.coefficients
-        terms: list[tuple[float, ...]] = [(-spec.offset, slopes[0])]
-        terms += [(0.0, slope) for slope in slopes[1:]]
-    else:
-        terms = [(0.0, 1.0), tuple(-c for c in spec.coefficients)]
-    return Coupling(
-        name=spec.name,
-        kind=spec.type,
-        joints=tuple(map(partial(_coupled, tree), spec.joints, terms)),
-        length_row=_slides(description, spec.joints[0]),
-    )
-
-
-def _slides(description: Description, joint: str) -> bool:
-    return any(j.name == joint and j.type == "prismatic" for j in description.joints)
-
-
-def _coupled(tree: Tree, joint: str, coefficients: tuple[float, ...]) -> CoupledJoint:
-    number = tree.model.getJointId(joint)
-    return CoupledJoint(joint, tree.model.idx_qs[number], tree.model.idx_vs[number], coefficients)
-
-
-def _stated_home(tree: Tree, description: Description) -> np.ndarray:
-    home = np.array(pin.neutral(tree.model))
-    for name, values in description.home.items():
-        joint = tree.model.joints[tree.model.getJointId(name)]
-        home[joint.idx_q : joint.idx_q + joint.nq] = values
-    return home
+def _given(
+    description: Description, home: Mapping[str, JointValue]
+) -> dict[str, tuple[float, ...]]:
+    """Values by joint; inputs are named too."""
+    driven = {spec.name: spec.joint for spec in description.inputs}
+    types = {joint.name: joint.type for joint in description.joints if joint.type != "fixed"}
+    found = {}
+    for name, value in home.items():
+        joint = name if name in types else driven.get(name)
+        if joint is None:
+            raise DescriptionError(f"home: {known_names(str(name), 'joint', [*types, *driven])}")
+        count = 7 if types[joint] == "floating" else 1
+        numbers = np.ravel(np.asarray(value, dtype=float))
+        if numbers.shape != (count,) or not np.isfinite(numbers).all():
+            raise DescriptionError(
+                f"home of joint {joint!r} must be {count} finite number{'s' * (count > 1)}, got "
+                f"{value!r}"
+            )
+        if count == 7:
+            norm = float(np.linalg.norm(numbers[3:]))
+            if abs(norm - 1.0) > MOVED:
+                raise DescriptionError(
+                    f"home of joint {joint!r} needs a unit quaternion, got length {norm:.6g}"
+                )
+            numbers[3:] /= norm
+        found[joint] = tuple(numbers.tolist())
+    return found

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from types import MappingProxyType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pinocchio as pin
@@ -16,9 +16,13 @@ from numpy.typing import ArrayLike
 
 from closedchain.closure.closures import Closure, Coupling
 from closedchain.closure.joint_kinds import FLOATING, TREE_KINDS
+from closedchain.closure.solve.control import CLOSED
 from closedchain.closure.workspace import Workspace
 from closedchain.urdf.description import OUTPUTS, Description, ParameterValue
 from closedchain.urdf.errors import ClosureError, known_names
+
+if TYPE_CHECKING:
+    from closedchain.closure.rounding.report import Rounding
 
 QUATERNION_TOLERANCE = 1e-6
 FLOAT = np.dtype(float)
@@ -55,7 +59,7 @@ class Mechanism:
         Names of the actuated joints, in order.
     task : TaskFrame or None
     home : (nq,) array
-        Closed to 1e-12.
+        Closed to 1e-12, but for ``open_by``.
     parameters : mapping
         Parameters of the description and their values in force.
     length : float
@@ -64,6 +68,12 @@ class Mechanism:
         What the mechanism was built from.
     named : callable, optional
         Gives the closed postures by name of a mechanism; only "home" without.
+    assumed : tuple of str
+        What loading assumed: rounded numbers, another home than the stated one.
+    rounding : Rounding or None
+        What the numbers of the description miss, if they are rounded.
+    open_by : float
+        Largest closure row at home [m, rad] where no closed home was found; else 0.
     """
 
     name: str
@@ -76,6 +86,9 @@ class Mechanism:
     length: float
     description: Description = field(repr=False)
     named: Callable[[Mechanism], Mapping[str, np.ndarray]] | None = field(default=None, repr=False)
+    assumed: tuple[str, ...] = ()
+    rounding: Rounding | None = None
+    open_by: float = 0.0
 
     def __post_init__(self) -> None:
         """Write-protect the home posture and the parameters."""
@@ -189,7 +202,44 @@ class Mechanism:
     @property
     def notes(self) -> tuple[str, ...]:
         """What was read over in the description or assumed about it, one sentence each."""
-        return self.description.notes
+        return (*self.description.notes, *self.assumed)
+
+    @property
+    def misfit(self) -> float:
+        """What rounded numbers miss [m, rad]: redundant rows with the others closed; else 0."""
+        return 0.0 if self.rounding is None else self.rounding.misfit
+
+    @property
+    def home_open(self) -> bool:
+        """Whether no closed home was found: ``home`` is there to be looked at, and to start from.
+
+        ``cc.close`` takes other guesses; ``with_closed_home`` makes a closed posture home.
+        """
+        return self.open_by > 0.0
+
+    def closed_home(self) -> np.ndarray:
+        """Home (nq,), or ``ClosureError`` where it is open."""
+        if self.home_open:
+            raise ClosureError(
+                f"this needs a closed home, and that of {self.name!r} is open by "
+                f"{self.open_by:.3g}: load it with home={{joint: value, ...}} (--home) near a "
+                "closed posture, or find one with cc.close(m, guess) and m.with_closed_home(q)"
+            )
+        return self.home
+
+    def with_closed_home(self, q: ArrayLike) -> Mechanism:
+        """Return the same mechanism with a closed posture (nq,) as home.
+
+        Raises
+        ------
+        ClosureError
+            Malformed ``q``, or loops that are open there.
+        """
+        q = self.configuration(q)
+        gap = float(np.abs(self.workspace.residual(q)).max(initial=0.0))
+        if gap >= CLOSED:
+            raise ClosureError(f"the loops are open there by {gap:.3g}: use cc.close(m, q).q")
+        return self.with_home(q, self.length)
 
     @cached_property
     def known(self) -> dict[Any, Any]:
@@ -355,7 +405,7 @@ class Mechanism:
 
         Both share Pinocchio's scratch space, whose size grows with the cube of the freedoms.
         """
-        other = replace(self, home=home, length=length)
+        other = replace(self, home=home, length=length, open_by=0.0)
         other.__dict__["_local"] = self._local
         return other
 

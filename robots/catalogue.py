@@ -11,6 +11,7 @@ from types import MappingProxyType
 from typing import Literal
 
 from closedchain.closure import Mechanism, mechanism_from_description
+from closedchain.closure.loading import refuse_open
 from closedchain.robots.delia import CHOICES as DELIA_LEGS
 from closedchain.robots.family import Choice
 from closedchain.urdf import load_description
@@ -208,4 +209,4 @@ def load(name: str, *, variant: str | None = None, **parameters: ParameterValue)
         if parameter in given:
             choice.check(parameter, given[parameter])
     path = files("closedchain.urdf") / entry.file
-    return mechanism_from_description(load_description(str(path), given))
+    return refuse_open(mechanism_from_description(load_description(str(path), given), 0.0))

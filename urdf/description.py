@@ -189,6 +189,10 @@ class Description:
     source : str or None
         File or text that it was expanded from, to expand it again with other parameters; None
         where it was read from URDF text without parameters.
+    folder : str or None
+        Folder of the file, for meshes that are named relative to it.
+    package_dirs : tuple of str
+        Folders that hold the packages of ``package://`` meshes.
     """
 
     name: str
@@ -207,6 +211,8 @@ class Description:
     parameters: Mapping[str, ParameterValue] = field(default_factory=dict)
     text: str = field(default="", repr=False)
     source: str | None = field(default=None, repr=False, compare=False)
+    folder: str | None = field(default=None, repr=False, compare=False)
+    package_dirs: tuple[str, ...] = field(default=(), repr=False, compare=False)
 
     def __post_init__(self) -> None:
         """Write-protect the mappings."""
@@ -236,5 +242,7 @@ class Description:
                 dict(self.parameters),
                 self.text,
                 self.source,
+                self.folder,
+                self.package_dirs,
             ),
         )

@@ -22,10 +22,15 @@ def closed_samples(mechanism: Mechanism) -> np.ndarray:
 
     Home is often special (symmetric, or singular), the others are not. Guesses that do not close
     are left out.
+
+    Raises
+    ------
+    ClosureError
+        Home is open.
     """
     if mechanism not in _FOUND:
         rng = np.random.default_rng(0)
-        model, found = mechanism.model, [mechanism.home]
+        model, found = mechanism.model, [mechanism.closed_home()]
         equations = Equations(mechanism, np.arange(model.nv))
         for _ in range(COUNT):
             v = SPREAD * rng.standard_normal(model.nv) * mechanism.column_scale

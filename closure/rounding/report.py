@@ -1,0 +1,49 @@
+"""What is said of a mechanism whose numbers are rounded."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from closedchain.closure.ranks import Rank
+
+
+@dataclass(frozen=True)
+class Rounding:
+    """A file with rounded numbers, and the exact mechanism that it is read as.
+
+    Attributes
+    ----------
+    tolerance : float
+        What roundings may leave open [m]; angles times the characteristic length.
+    misfit : float
+        Largest redundant row [m, rad] by the numbers as printed, with the kept rows closed to
+        1e-12: over home and postures around it.
+    kept, redundant : tuples of int
+        Rows of the closures that are independent, and the others.
+    rank : Rank
+        Rank r by the numbers as printed, with the singular values around the cut: the smallest
+        that counts, and the largest that rounding makes.
+    changed : tuple of (str, float, float)
+        What each number that is read as another one belongs to, and the number as printed and as
+        read [m, rad].
+    """
+
+    tolerance: float
+    misfit: float
+    kept: tuple[int, ...]
+    redundant: tuple[int, ...]
+    rank: Rank
+    changed: tuple[tuple[str, float, float], ...]
+
+    @property
+    def text(self) -> str:
+        """One sentence."""
+        most = max((abs(new - old) for _, old, new in self.changed), default=0.0)
+        count = len(self.changed)
+        return (
+            f"the numbers are rounded: of {len(self.kept) + len(self.redundant)} closure rows "
+            f"{len(self.kept)} are independent, and with these closed the others miss by up to "
+            f"{self.misfit:.2g} (tolerance {self.tolerance:.2g}; singular values "
+            f"{self.rank.above:.3g} | {self.rank.below:.2g}). It is read as the nearest mechanism "
+            f"that closes exactly: {count} number{'s' * (count != 1)} changed by up to {most:.2g}"
+        )

@@ -1,0 +1,188 @@
+"""How closure rows change with the numbers that a mechanism's geometry is written with."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from closedchain.closure.closures import Closure
+from closedchain.closure.mechanism import Mechanism
+from closedchain.closure.rows import cut_rows
+from closedchain.closure.tree import se3, z_onto
+from closedchain.urdf.description import Joint, LoopClosure, Origin, Vector3
+from closedchain.urdf.digits import Number
+
+
+@dataclass(frozen=True, eq=False)
+class _JointNumbers:
+    """Numbers of one joint: what they do in its frame before and after its own motion.
+
+    ``origin`` (6, k) are twists of the frame before the motion, ``turn`` (6, l) those of turning
+    the axis of a hinge, which act before the motion and back after it, ``slide`` (6, m) those of
+    turning the axis of a slider, for a unit of its value.
+    """
+
+    joint: Joint
+    columns: np.ndarray
+    origin: np.ndarray
+    turn: np.ndarray
+    slide: np.ndarray
+
+
+class Sensitivity:
+    """Derivatives of the dimensionless closure rows by some numbers of a mechanism's geometry.
+
+    A number of a joint moves all that hangs on it, one of a closure its frame. Couplings do not
+    depend on the geometry, nor do the sizes of joints count as numbers here.
+    """
+
+    def __init__(self, mechanism: Mechanism, numbers: Sequence[Number]) -> None:
+        self._mechanism = mechanism
+        self._count = len(numbers)
+        columns: dict[str, list[int]] = {}
+        for i, number in enumerate(numbers):
+            columns.setdefault(number.owner, []).append(i)
+        description = mechanism.description
+        self._joints = [
+            _of_joint(joint, columns[joint.name], numbers)
+            for joint in description.joints
+            if joint.name in columns
+        ]
+        self._paths = _paths(description.joints)
+        self._frames = {
+            spec.name: (columns[spec.name], *_of_closure(spec, columns[spec.name], numbers))
+            for spec in description.closures
+            if spec.name in columns
+        }
+
+    def at(self, q: np.ndarray) -> np.ndarray:
+        """Derivative (rows, n) at ``q`` (nq,), unchecked."""
+        m = self._mechanism
+        poses = _link_poses(m, q)
+        placed = m.workspace.data.oMi
+        moving = {one.joint.name: self._twists(one, poses, q) for one in self._joints}
+        columns = {one.joint.name: one.columns for one in self._joints}
+        found = np.zeros((m.rows, self._count))
+        for closure, where in zip(m.closures, m.row_slices, strict=True):
+            if not isinstance(closure, Closure):
+                continue
+            frame1 = placed[closure.joint1] * closure.placement1
+            gap = frame1.actInv(placed[closure.joint2] * closure.placement2)
+            wrenches = cut_rows(closure, gap)[1]
+            seen = wrenches @ frame1.toActionMatrixInverse()
+            one, two = self._paths[closure.parent], self._paths[closure.child]
+            for name in one.symmetric_difference(two) & set(moving):
+                sign = 1.0 if name in two else -1.0
+                found[where, columns[name]] += sign * (seen @ moving[name])
+            if closure.name in self._frames:
+                own, first, second = self._frames[closure.name]
+                found[where, own] += wrenches @ (gap.action @ second - first)
+        return found / m.row_scale[:, None]
+
+    def _twists(self, one: _JointNumbers, poses: dict[str, pin.SE3], q: np.ndarray) -> np.ndarray:
+        """World twists (6, n) of all that hangs on a joint."""
+        joint = one.joint
+        before = (poses[joint.parent] * se3(joint.origin)).action
+        parts = [before @ one.origin]
+        if one.turn.shape[1]:
+            parts.append((before - poses[joint.child].action) @ one.turn)
+        if one.slide.shape[1]:
+            model = self._mechanism.model
+            value = q[model.joints[model.getJointId(joint.name)].idx_q]
+            parts.append(value * (before @ one.slide))
+        return np.hstack(parts)
+
+
+def _of_joint(joint: Joint, columns: Sequence[int], numbers: Sequence[Number]) -> _JointNumbers:
+    """Numbers of a joint's origin, then of its axis."""
+    origin = [i for i in columns if numbers[i].part == "origin"]
+    axis = [i for i in columns if numbers[i].part == "axis"]
+    turns = np.array([_turn(joint.axis, numbers[i].index) for i in axis]).reshape(-1, 6).T
+    along = np.array(joint.axis)
+    slides = np.array([[*_across(along, numbers[i].index), 0.0, 0.0, 0.0] for i in axis])
+    none, prismatic = np.zeros((6, 0)), joint.type == "prismatic"
+    return _JointNumbers(
+        joint,
+        np.array([*origin, *axis], dtype=int),
+        _of_origin(joint.origin, [numbers[i].index for i in origin]),
+        none if prismatic else turns,
+        slides.reshape(-1, 6).T if prismatic else none,
+    )
+
+
+def _of_closure(
+    spec: LoopClosure, columns: Sequence[int], numbers: Sequence[Number]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Twists (6, n) of frame 1 and of frame 2, each in itself, that numbers of a closure give."""
+    found = np.zeros((2, 6, len(columns)))
+    for k, i in enumerate(columns):
+        number = numbers[i]
+        side = 0 if number.part.startswith("parent") else 1
+        origin = (spec.parent_origin, spec.child_origin)[side]
+        axis = (spec.parent_axis, spec.child_axis)[side]
+        # a turn of the axis is the least one; what turns about the axis itself is left out
+        twist = (
+            _turn(axis, number.index)
+            if number.part.endswith("axis")
+            else _of_origin(origin, [number.index])[:, 0]
+        )
+        found[side, :, k] = z_onto(axis).toActionMatrixInverse() @ twist
+    return found[0], found[1]
+
+
+def _turn(axis: Vector3, index: int) -> np.ndarray:
+    """Twist (6,) of turning an axis towards x, y or z."""
+    return np.array([0.0, 0.0, 0.0, *np.cross(axis, np.eye(3)[index])])
+
+
+def _across(axis: np.ndarray, index: int) -> np.ndarray:
+    """Change (3,) of a unit vector per change of a component."""
+    unit = np.eye(3)[index]
+    return np.asarray(unit - axis * axis[index])
+
+
+def _of_origin(origin: Origin, indices: Sequence[int]) -> np.ndarray:
+    """Twists (6, n) of a frame, in itself, by x y z roll pitch yaw (0 to 5) of its origin.
+
+    R = Rz(yaw) Ry(pitch) Rx(roll): roll turns about the frame's own x, yaw about the parent's z.
+    """
+    turn = se3(origin).rotation
+    yaw = origin.rpy[2]
+    rates = np.array(
+        [
+            [1.0, 0.0, 0.0],
+            turn.T @ [-np.sin(yaw), np.cos(yaw), 0.0],
+            turn.T @ [0.0, 0.0, 1.0],
+        ]
+    ).T
+    whole = np.zeros((6, 6))
+    whole[:3, :3] = turn.T
+    whole[3:, 3:] = rates
+    return whole[:, list(indices)]
+
+
+def _link_poses(mechanism: Mechanism, q: np.ndarray) -> dict[str, pin.SE3]:
+    """Pose of every link in the world at ``q`` (nq,); leaves the joints' in the workspace."""
+    data = mechanism.workspace.data
+    pin.forwardKinematics(mechanism.model, data, q)
+    frames = mechanism.model.frames
+    return {
+        name: data.oMi[frames[i].parentJoint] * frames[i].placement
+        for name, i in mechanism.frame_ids.items()
+    }
+
+
+def _paths(joints: Sequence[Joint]) -> dict[str, set[str]]:
+    """Joints between the root and every link."""
+    above = {joint.child: joint for joint in joints}
+    paths: dict[str, set[str]] = {}
+    for link in {*above, *(joint.parent for joint in joints)}:
+        names, here = set(), link
+        while here in above:
+            names.add(above[here].name)
+            here = above[here].parent
+        paths[link] = names
+    return paths
