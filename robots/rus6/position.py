@@ -19,6 +19,8 @@ from .geometry import UP, FloatArray, Geometry, Pose
 MODES: FloatArray = np.array(list(product((1, -1), repeat=6)), dtype=np.float64)
 """Working modes (64, 6): the sign kappa_i of each elbow; +1 is outward. Row 0 is the home mode."""
 MODES.setflags(write=False)
+STRETCHED = 1e-12
+"""By how much ``reach`` may be negative from rounding where a leg is exactly stretched."""
 OUTWARD = (1.0,) * 6
 """Mode of home: all elbows outward."""
 
@@ -60,7 +62,7 @@ class Legs:
     @property
     def closed(self) -> np.ndarray:
         """Whether every leg reaches its C_i, (...) of bool."""
-        return np.asarray((self.reach >= 0.0).all(axis=-1))
+        return np.asarray((self.reach >= -STRETCHED).all(axis=-1))
 
 
 def inverse(pose: Pose, beta: ArrayLike, geometry: Geometry, mode: ArrayLike = OUTWARD) -> Legs:

@@ -185,6 +185,18 @@ def test_figure_6_all_links_vertical() -> None:
     for zero in (j_q(legs), j_beta(legs)):
         assert np.abs(zero).max() < 1e-7
     assert np.linalg.matrix_rank(j_x(legs), tol=1e-6) == 3
+    # legs exactly stretched, 0.7 = 0.2 + 0.5 m, reach, though rounding may say 2e-16 too far
+    assert legs.closed
+    assert (legs.reach < 0.0).any()
+    sizes = {"Rf": 0.2, "R2": 0.2, "r": 0.2, "H": 1.58, "height": -0.88, **ALIGNED}
+    taut = cc.load("rus6", beta=-np.pi / 2, **sizes)
+    assert np.abs(cc.residual(taut, taut.home)).max() < 1e-12
+    assert np.abs(taut.pose(taut.home).translation - [0.0, -0.88, 0.0]).max() < 1e-12
+    found = cc.classify(taut, taut.home)
+    assert found.kinds == {"direct", "inverse", "constraint"}
+    assert max(found.sigma_direct, found.sigma_inverse, found.sigma_constraint) < 1e-12
+    with pytest.raises(cc.DescriptionError, match=r"0\.7001 m from the foot.*out of reach"):
+        cc.load("rus6", beta=-np.pi / 2, **sizes | {"H": 1.5801})
     # with the arms folded back the robot can leave the posture, so that its ranks mean something
     sizes = {"Rf": 0.2, "R2": 0.2, "r": 0.2, "H": 0.78, "height": -0.45, **ALIGNED}
     m = cc.load("rus6", **sizes)
