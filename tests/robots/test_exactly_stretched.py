@@ -1,4 +1,4 @@
-"""Sizes with which a leg just reaches at home: a posture, and a singular one, however they round."""
+"""Sizes with which a leg just reaches at home: a singular posture, however they round."""
 
 import numpy as np
 import pytest
@@ -21,5 +21,5 @@ def test_rods_that_lie_level() -> None:
     m = cc.load("linear_delta", a=0.4, c=0.1, b=0.3, home="0 0 -0.4")
     assert np.abs(cc.residual(m, m.home)).max() < 1e-12
     assert {"direct", "inverse"} & cc.classify(m, m.home).kinds
-    with pytest.raises(cc.DescriptionError, match="would need rods b of at least 0.3 m"):
+    with pytest.raises(cc.DescriptionError, match=r"would need rods b of at least 0\.3 m"):
         cc.load("linear_delta", a=0.4, c=0.1, b=0.3 - 1e-9, home="0 0 -0.4")
