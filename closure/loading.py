@@ -65,14 +65,25 @@ def load_urdf(
     if home is not None and not isinstance(home, Mapping):
         parameters, home = {**parameters, "home": home}, None
     description = load_description(source, parameters, xacro=xacro)
+    return mechanism_from_description(located(description, source, package_dirs), tolerance, home)
+
+
+def located(
+    description: Description,
+    source: str | os.PathLike[str],
+    package_dirs: Sequence[str | os.PathLike[str]] = (),
+) -> Description:
+    """The same description with the places where its meshes are looked for.
+
+    ``source`` is the file that it was read from, or text.
+    """
     name = os.fsdecode(source)
     is_text = name.lstrip("\ufeff \t\r\n").startswith("<")
-    description = replace(
+    return replace(
         description,
         folder=None if is_text else os.path.dirname(os.path.abspath(name)),
         package_dirs=tuple(os.fsdecode(folder) for folder in package_dirs),
     )
-    return mechanism_from_description(description, tolerance, home)
 
 
 def mechanism_from_description(

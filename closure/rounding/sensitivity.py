@@ -8,9 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from closedchain.closure.closures import Closure
 from closedchain.closure.mechanism import Mechanism
-from closedchain.closure.rows import cut_rows
+from closedchain.closure.responses import link_poses, responses
 from closedchain.closure.tree import se3, z_onto
 from closedchain.urdf.description import Joint, LoopClosure, Origin, Vector3
 from closedchain.urdf.digits import Number
@@ -51,7 +50,6 @@ class Sensitivity:
             for joint in description.joints
             if joint.name in columns
         ]
-        self._paths = _paths(description.joints)
         self._frames = {
             spec.name: (columns[spec.name], *_of_closure(spec, columns[spec.name], numbers))
             for spec in description.closures
@@ -61,25 +59,13 @@ class Sensitivity:
     def at(self, q: np.ndarray) -> np.ndarray:
         """Derivative (rows, n) at ``q`` (nq,), unchecked."""
         m = self._mechanism
-        poses = _link_poses(m, q)
-        placed = m.workspace.data.oMi
-        moving = {one.joint.name: self._twists(one, poses, q) for one in self._joints}
-        columns = {one.joint.name: one.columns for one in self._joints}
+        by_joint, by_closure, gaps = responses(m, q)
+        poses = link_poses(m, q)
         found = np.zeros((m.rows, self._count))
-        for closure, where in zip(m.closures, m.row_slices, strict=True):
-            if not isinstance(closure, Closure):
-                continue
-            frame1 = placed[closure.joint1] * closure.placement1
-            gap = frame1.actInv(placed[closure.joint2] * closure.placement2)
-            wrenches = cut_rows(closure, gap)[1]
-            seen = wrenches @ frame1.toActionMatrixInverse()
-            one, two = self._paths[closure.parent], self._paths[closure.child]
-            for name in one.symmetric_difference(two) & set(moving):
-                sign = 1.0 if name in two else -1.0
-                found[where, columns[name]] += sign * (seen @ moving[name])
-            if closure.name in self._frames:
-                own, first, second = self._frames[closure.name]
-                found[where, own] += wrenches @ (gap.action @ second - first)
+        for one in self._joints:
+            found[:, one.columns] = by_joint[one.joint.name] @ self._twists(one, poses, q)
+        for name, (own, first, second) in self._frames.items():
+            found[:, own] = by_closure[name] @ (gaps[name].action @ second - first)
         return found / m.row_scale[:, None]
 
     def _twists(self, one: _JointNumbers, poses: dict[str, pin.SE3], q: np.ndarray) -> np.ndarray:
@@ -162,27 +148,3 @@ def _of_origin(origin: Origin, indices: Sequence[int]) -> np.ndarray:
     whole[:3, :3] = turn.T
     whole[3:, 3:] = rates
     return whole[:, list(indices)]
-
-
-def _link_poses(mechanism: Mechanism, q: np.ndarray) -> dict[str, pin.SE3]:
-    """Pose of every link in the world at ``q`` (nq,); leaves the joints' in the workspace."""
-    data = mechanism.workspace.data
-    pin.forwardKinematics(mechanism.model, data, q)
-    frames = mechanism.model.frames
-    return {
-        name: data.oMi[frames[i].parentJoint] * frames[i].placement
-        for name, i in mechanism.frame_ids.items()
-    }
-
-
-def _paths(joints: Sequence[Joint]) -> dict[str, set[str]]:
-    """Joints between the root and every link."""
-    above = {joint.child: joint for joint in joints}
-    paths: dict[str, set[str]] = {}
-    for link in {*above, *(joint.parent for joint in joints)}:
-        names, here = set(), link
-        while here in above:
-            names.add(above[here].name)
-            here = above[here].parent
-        paths[link] = names
-    return paths

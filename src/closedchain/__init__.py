@@ -47,6 +47,7 @@ if TYPE_CHECKING:
     from closedchain.analysis.structure.mobility import Mobility, mobility
     from closedchain.analysis.structure.open_chains import Structure
     from closedchain.analysis.structure.poc import Poc, poc
+    from closedchain.analysis.structure.relaxation import Relaxation, relaxation
     from closedchain.analysis.structure.topology import structure
     from closedchain.analysis.symbolic import SymbolicSingularities, symbolic_singularities
     from closedchain.analysis.velocity import Velocity, velocity
@@ -76,6 +77,7 @@ _LATER = {
     "analysis.singularity.sets.finding": "singularity_set",
     "analysis.singularity.sets.singular_set": "SingularitySet",
     "analysis.singularity.classify": "Classification classify",
+    "analysis.structure.relaxation": "Relaxation relaxation",
     "analysis.structure.topology": "structure",
     "analysis.symbolic": "SymbolicSingularities symbolic_singularities",
     "analysis.motion.track.tracking": "Track track",
@@ -116,6 +118,7 @@ __all__ = [
     "Network",
     "Poc",
     "Redundancy",
+    "Relaxation",
     "SelfMotion",
     "SingularitySet",
     "Solution",
@@ -149,6 +152,7 @@ __all__ = [
     "poc",
     "read_task_path",
     "redundancy",
+    "relaxation",
     "residual",
     "robots",
     "self_motion",

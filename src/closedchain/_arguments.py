@@ -5,7 +5,9 @@ from __future__ import annotations
 import math
 import re
 import tempfile
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -22,6 +24,35 @@ class BadArgumentError(ClosedChainError):
     """An argument of a command that cannot be understood."""
 
 
+@dataclass(frozen=True)
+class Reading:
+    """How a file is read: tolerance [m], joint values that replace home's, package folders."""
+
+    tolerance: float | None = None
+    home: Mapping[str, float] = field(default_factory=dict)
+    package_dirs: tuple[Path, ...] = ()
+
+
+_AS_IT_IS = Reading()
+_READING: ContextVar[Reading] = ContextVar("reading", default=_AS_IT_IS)
+
+
+@contextmanager
+def reading(
+    tolerance: float | None, home: Sequence[str], package_dirs: Sequence[Path]
+) -> Iterator[None]:
+    """Say how files are read within a ``with`` statement. Raises ``BadArgumentError``."""
+    values = {}
+    for word in home:
+        name, text = _split(word, "--home")
+        values[name] = number(text, f"--home {name}")
+    token = _READING.set(Reading(tolerance, values, tuple(package_dirs)))
+    try:
+        yield
+    finally:
+        _READING.reset(token)
+
+
 def load_robot(
     name: str, settings: Sequence[str] = (), variant: str | None = None, *, xacro: bool = True
 ) -> Mechanism:
@@ -33,16 +64,22 @@ def load_robot(
         Unknown robot or parameter, unreadable file, wrong description.
     """
     import closedchain as cc
-    from closedchain.closure import mechanism_from_description
+    from closedchain.closure.loading import located, mechanism_from_description
     from closedchain.robots import families
     from closedchain.urdf.files import describe_file
 
+    how = _READING.get()
     known = (*cc.robots(), *families())
     parameters = assignments(settings, "--set")
     if name in known:
         for key in ("name", "variant"):  # words of cc.load itself
             if key in parameters:
                 raise DescriptionError(f"unknown parameter {key!r} of {name}")
+        if how != _AS_IT_IS:
+            raise DescriptionError(
+                "--tolerance, --home and --package-dir are for files, not for robots of the "
+                "catalogue"
+            )
         return cc.load(name, variant=variant, **parameters)
     path = Path(name)
     if not path.is_file():
@@ -53,7 +90,8 @@ def load_robot(
         raise DescriptionError(f"{known_names(name, 'robot', known)}; nor is it a file")
     if variant is not None:
         raise DescriptionError("--variant is for robots of the catalogue, not for files")
-    return mechanism_from_description(describe_file(path, parameters, xacro=xacro))
+    described = located(describe_file(path, parameters, xacro=xacro), path, how.package_dirs)
+    return mechanism_from_description(described, how.tolerance, how.home)
 
 
 def up_axis(name: str, chosen: str | None = None) -> Up:

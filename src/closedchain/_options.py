@@ -1,8 +1,14 @@
 """Arguments and options that several commands share."""
 
-from typing import Annotated
+import inspect
+from collections.abc import Callable
+from functools import wraps
+from pathlib import Path
+from typing import Annotated, Any, get_type_hints
 
 import typer
+
+from closedchain._arguments import reading
 
 Robot = Annotated[
     str,
@@ -76,3 +82,56 @@ Workers = Annotated[
     int | None, typer.Option(min=1, help="Threads that map; one for each core by default.")
 ]
 Triple = tuple[float, float, float]
+
+
+_Tolerance = Annotated[
+    float | None,
+    typer.Option(
+        metavar="METRES",
+        help="What rounded numbers of a file may leave open; by its printed digits by default, 0 "
+        "takes them as they stand.",
+    ),
+]
+_Home = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="JOINT=VALUE",
+        help="Value of a joint or input [m or rad] at home, in place of the file's.",
+    ),
+]
+_PackageDirs = Annotated[
+    list[Path] | None,
+    typer.Option(
+        "--package-dir", metavar="DIR", help="Folder with the packages of package:// meshes."
+    ),
+]
+
+
+def reads_a_file(command: Callable[..., None]) -> Callable[..., None]:
+    """Give a command on a robot the options that say how its file is read."""
+
+    @wraps(command)
+    def run(
+        *,
+        tolerance: float | None = None,
+        home: list[str] | None = None,
+        package_dir: list[Path] | None = None,
+        **rest: Any,
+    ) -> None:
+        with reading(tolerance, home or (), package_dir or ()):
+            command(**rest)
+
+    more = {"tolerance": _Tolerance, "home": _Home, "package_dir": _PackageDirs}
+    known = {**get_type_hints(command, include_extras=True), **more}
+    own = inspect.signature(command)
+    options = [
+        inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=kind)
+        for name, kind in more.items()
+    ]
+    parameters = [
+        parameter.replace(annotation=known[parameter.name])
+        for parameter in (*own.parameters.values(), *options)
+    ]
+    run.__signature__ = own.replace(parameters=parameters)  # type: ignore[attr-defined]
+    run.__annotations__ = known
+    return run

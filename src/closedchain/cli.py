@@ -33,6 +33,7 @@ from closedchain._options import (
     Values,
     Variant,
     Workers,
+    reads_a_file,
 )
 from closedchain._terminal import fail, print_json, say
 from closedchain.urdf.errors import ClosedChainError
@@ -101,6 +102,7 @@ def list_robots(
 
 
 @app.command()
+@reads_a_file
 def info(
     robot: Robot,
     settings: Settings = None,
@@ -113,6 +115,7 @@ def info(
 
 
 @app.command()
+@reads_a_file
 def direct(
     robot: Robot,
     values: Values = None,
@@ -130,6 +133,7 @@ def direct(
 
 
 @app.command()
+@reads_a_file
 def inverse(
     robot: Robot,
     xyz: Annotated[
@@ -170,6 +174,7 @@ def inverse(
 
 
 @app.command()
+@reads_a_file
 def classify(
     robot: Robot,
     values: Values = None,
@@ -188,6 +193,7 @@ def classify(
 
 
 @app.command()
+@reads_a_file
 def view(
     robot: Robot,
     values: Values = None,
@@ -220,6 +226,7 @@ def view(
 
 
 @app.command()
+@reads_a_file
 def urdf(
     robot: Robot,
     settings: Settings = None,
@@ -231,6 +238,7 @@ def urdf(
 
 
 @app.command()
+@reads_a_file
 def singularities(
     robot: Robot,
     out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for the results.")],
@@ -318,8 +326,8 @@ def plot(
     say(str(image))
 
 
-app.command()(follow)
-app.command()(closed_forms)
+app.command()(reads_a_file(follow))
+app.command()(reads_a_file(closed_forms))
 
 
 def _load(robot: str, settings: list[str] | None, variant: str | None, no_xacro: bool) -> Mechanism:
