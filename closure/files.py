@@ -3,15 +3,22 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping, Sequence
 
-from closedchain.closure.loading import mechanism_from_description
+from closedchain.closure.loading import JointValue, located, mechanism_from_description
 from closedchain.closure.mechanism import Mechanism
 from closedchain.urdf.description import ParameterValue
 from closedchain.urdf.files import describe_file
 
 
 def load_file(
-    source: str | os.PathLike[str], *, xacro: bool = True, **parameters: ParameterValue
+    source: str | os.PathLike[str],
+    tolerance: float | None = None,
+    package_dirs: Sequence[str | os.PathLike[str]] = (),
+    home: Mapping[str, JointValue] | ParameterValue | None = None,
+    *,
+    xacro: bool = True,
+    **parameters: ParameterValue,
 ) -> Mechanism:
     """Load a mechanism from a file of any known format; its content tells which.
 
@@ -23,14 +30,15 @@ def load_file(
     ----------
     source : path or str
         A file, or the text itself.
-    xacro : bool
-        False reads plain URDF only, and is there for text that is not trusted.
-    parameters : numbers, strings or booleans
-        Values for the ``<xacro:arg>`` of a xacro file.
+    tolerance, package_dirs, home, xacro, parameters
+        As for ``load_urdf``. Only xacro files have parameters.
 
     Raises
     ------
     DescriptionError
         Another content than those known, or anything wrong with the file or the parameters.
     """
-    return mechanism_from_description(describe_file(source, parameters, xacro=xacro))
+    if home is not None and not isinstance(home, Mapping):
+        parameters, home = {**parameters, "home": home}, None
+    description = describe_file(source, parameters, xacro=xacro)
+    return mechanism_from_description(located(description, source, package_dirs), tolerance, home)

@@ -15,6 +15,7 @@ from closedchain.urdf.description import Description, ParameterValue
 from closedchain.urdf.errors import DescriptionError
 from closedchain.urdf.expansion import read_source
 from closedchain.urdf.formats import robot_yaml
+from closedchain.urdf.formats.mjcf import reading as mjcf
 from closedchain.urdf.reader import load_description, read
 
 _NONE: Mapping[str, ParameterValue] = MappingProxyType({})
@@ -54,6 +55,9 @@ def describe_file(
     if root == "robot":
         found = load_description(source, parameters, xacro=xacro)
         return found if file is None else _with_hint(found, Path(file))
+    if root == "mujoco":
+        _refuse_parameters(parameters, "MJCF")
+        return mjcf.read(text, file)
     raise DescriptionError(f"the root element is <{root}>; known: {_KNOWN}", line=1, element=root)
 
 

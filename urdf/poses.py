@@ -65,7 +65,7 @@ def vector(values: Sequence[float] | np.ndarray) -> Vector3:
     return x, y, z
 
 
-def turn(axis: Sequence[float], angle: float) -> np.ndarray:
+def turn(axis: Sequence[float] | np.ndarray, angle: float) -> np.ndarray:
     """Pose that turns by an angle [rad] about a unit axis through the origin."""
     x, y, z = axis
     s, c = math.sin(angle), math.cos(angle)
