@@ -22,6 +22,7 @@ from closedchain.urdf.errors import ClosedChainError, ClosureError, DescriptionE
 
 if TYPE_CHECKING:
     from closedchain.analysis.acceleration import Acceleration, acceleration
+    from closedchain.analysis.forces.statics import Statics, statics
     from closedchain.analysis.motion.follow import (
         Comparison,
         ComparisonRow,
@@ -60,6 +61,7 @@ _LATER = {
     "closure.position": "direct inverse",
     "analysis.motion.track.stops": "Stop",
     "analysis.acceleration": "Acceleration acceleration",
+    "analysis.forces.statics": "Statics statics",
     "analysis.screws.accelerators": "Accelerators accelerators",
     "analysis.structure.dependence": "Dependence dependence",
     "analysis.motion.follow": "Comparison ComparisonRow Follow compare follow",
@@ -124,6 +126,7 @@ __all__ = [
     "Solution",
     "Solutions",
     "Split",
+    "Statics",
     "Stop",
     "Structure",
     "SymbolicSingularities",
@@ -158,6 +161,7 @@ __all__ = [
     "self_motion",
     "singularity_map",
     "singularity_set",
+    "statics",
     "structure",
     "symbolic_singularities",
     "task_path",

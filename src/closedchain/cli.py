@@ -35,6 +35,7 @@ from closedchain._options import (
     Workers,
     reads_a_file,
 )
+from closedchain._statics_command import statics
 from closedchain._terminal import fail, print_json, say
 from closedchain.urdf.errors import ClosedChainError
 
@@ -328,6 +329,7 @@ def plot(
 
 app.command()(reads_a_file(follow))
 app.command()(reads_a_file(closed_forms))
+app.command()(reads_a_file(statics))
 
 
 def _load(robot: str, settings: list[str] | None, variant: str | None, no_xacro: bool) -> Mechanism:

@@ -1,0 +1,1 @@
+"""Forces: statics, dynamics, transmissions and start states of mechanisms with loops."""
