@@ -6,6 +6,7 @@ import math
 from typing import TYPE_CHECKING
 
 from closedchain.urdf import elements
+from closedchain.urdf._dynamics import read_dynamics
 from closedchain.urdf.description import (
     JOINT_TYPES,
     Coupling,
@@ -116,7 +117,7 @@ def read_joint(element: Element, notes: list[str]) -> tuple[Joint, Coupling | No
     elements.allow(
         element,
         ("name", "type"),
-        ("parent", "child", "origin", "axis", "limit", "mimic"),
+        ("parent", "child", "origin", "axis", "limit", "mimic", "dynamics"),
     )
     name = _name(element)
     kind = _type(element)
@@ -136,6 +137,7 @@ def read_joint(element: Element, notes: list[str]) -> tuple[Joint, Coupling | No
         lower=lower,
         upper=upper,
         line=element.sourceline,
+        **read_dynamics(element, kind in ONE_DOF, notes),
     )
     if joint.parent == joint.child:
         raise elements.error(element, f"the joint connects the link {joint.child!r} with itself")

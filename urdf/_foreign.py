@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 from lxml import etree
 
+from closedchain.urdf._dynamics import MOTOR
 from closedchain.urdf.elements import error
 from closedchain.urdf.errors import DescriptionError, known_names
 
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     from lxml.etree import _Element as Element
 
 _SHAPES = ("box", "cylinder", "capsule", "sphere", "mesh")
+_TEXTS = ("remark", *MOTOR)
 _OURS = ("constraint", "task", "group_state", "remark")
 _WORDS: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = MappingProxyType(
     {
@@ -39,14 +41,16 @@ _WORDS: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = MappingProxyType
         "mesh": (("filename", "scale"), ()),
         "joint": (
             ("name", "type"),
-            ("parent", "child", "origin", "axis", "limit", "mimic"),
+            ("parent", "child", "origin", "axis", "limit", "mimic", "dynamics"),
         ),
         "parent": (("link",), ()),
         "child": (("link",), ()),
         "axis": (("xyz",), ()),
         "limit": (("lower", "upper", "effort", "velocity"), ()),
         "mimic": (("joint", "multiplier", "offset"), ()),
-        "transmission": (("name", "type"), ("joint",)),
+        "dynamics": (("damping", "friction", "armature"), ()),
+        "transmission": (("name", "type"), ("joint", "actuator", *MOTOR)),
+        "actuator": (("name",), MOTOR),
         # a joint that is not right under the root is a reference to a joint
         "transmission/joint": (("name",), ()),
     }
@@ -74,7 +78,7 @@ def set_aside(root: Element) -> tuple[str, ...]:
         element, context = waiting.pop()
         element.tag = etree.QName(element).localname
         _attributes(element, context, notes)
-        if element.tag != "remark":
+        if element.tag not in _TEXTS:
             _refuse_text(element, element.text)
         for child in list(element):
             _refuse_text(element, child.tail, child)

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from closedchain.urdf import elements
 from closedchain.urdf._bodies import ONE_DOF
+from closedchain.urdf._dynamics import MOTOR, read_motor
 from closedchain.urdf.description import OUTPUTS, Input, Joint, Remark, Task
 from closedchain.urdf.errors import known_names
 
@@ -40,7 +41,7 @@ def read_input(
     notes : list
         What was read over is noted here.
     """
-    elements.allow(element, ("name", "type"), ("joint",))
+    elements.allow(element, ("name", "type"), ("joint", "actuator", *MOTOR))
     name = elements.text(element, "name")
     of_ros = element.get("type") is not None  # with the class that drives it
     references = element.findall("joint")
@@ -67,7 +68,8 @@ def read_input(
             f"line {element.sourceline}: <transmission {name!r}> is not taken as an input: {why}"
         )
         return None
-    return Input(name=name, joint=joint.name, line=element.sourceline)
+    reduction, rotor = read_motor(element)
+    return Input(name, joint.name, element.sourceline, reduction, rotor)
 
 
 def _known_joint(reference: Element, joints: Mapping[str, Joint]) -> Joint:

@@ -71,7 +71,11 @@ class Link:
 
 @dataclass(frozen=True)
 class Joint:
-    """A joint of the spanning tree. ``axis`` is a unit vector in the joint frame."""
+    """A joint of the spanning tree. ``axis`` is a unit vector in the joint frame.
+
+    ``damping`` [N s/m or N m s/rad] and ``friction`` [N or N m] oppose its motion; ``armature``
+    [kg or kg m^2] is the inertia of what turns with its rate and with nothing else.
+    """
 
     name: str
     type: JointType
@@ -82,6 +86,9 @@ class Joint:
     lower: float = float("-inf")
     upper: float = float("inf")
     line: int | None = None
+    damping: float = 0.0
+    friction: float = 0.0
+    armature: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -134,11 +141,17 @@ class JointRelation:
 
 @dataclass(frozen=True)
 class Input:
-    """An actuated joint; ``name`` is the paper's symbol."""
+    """An actuated joint; ``name`` is the paper's symbol.
+
+    The motor turns ``reduction`` times as far as the joint moves [1, or rad/m for a slide], and
+    its rotor has the inertia ``rotor_inertia`` [kg m^2].
+    """
 
     name: str
     joint: str
     line: int | None = None
+    reduction: float = 1.0
+    rotor_inertia: float = 0.0
 
 
 @dataclass(frozen=True)

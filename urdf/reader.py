@@ -24,6 +24,7 @@ from closedchain.urdf._checks import (
     root_of,
     without_second_drives,
 )
+from closedchain.urdf._dynamics import what_dynamics_read
 from closedchain.urdf._foreign import set_aside
 from closedchain.urdf._roles import read_input, read_remark, read_state, read_task
 from closedchain.urdf.constraint_element import CONSTRAINT, read_constraint
@@ -128,6 +129,7 @@ def read(text: str, *, parameters: Mapping[str, ParameterValue] = _NONE) -> Desc
     driven = without_second_drives([item for item in read_inputs if item is not None], notes)
     refuse_duplicates(driven, "transmission")
     states = _states(root, by_name)
+    notes += what_dynamics_read(joints, driven)
     notes += are_loops_missing(links, joints, couplings, bool(closures or relations))
     return Description(
         name=name,

@@ -15,7 +15,15 @@ from lxml import etree
 
 from closedchain.urdf import elements
 from closedchain.urdf.constraint_element import CONSTRAINT, constraint_xml
-from closedchain.urdf.description import Coupling, Description, Inertial, Joint, Link, Origin
+from closedchain.urdf.description import (
+    Coupling,
+    Description,
+    Inertial,
+    Input,
+    Joint,
+    Link,
+    Origin,
+)
 from closedchain.urdf.shapes import Shape, Shapes, visual_element
 
 if TYPE_CHECKING:
@@ -54,7 +62,7 @@ def urdf_document(description: Description) -> Element:
         elif element.tag == "transmission":
             inputs.discard(element.get("name"))
     missing = [item for item in description.inputs if item.name in inputs]
-    _say_roles(root, description, [(item.name, item.joint) for item in missing])
+    _say_roles(root, description, missing)
     return root
 
 
@@ -104,19 +112,18 @@ def _built(description: Description, shapes: Shapes) -> Element:
         if remark.source:
             element.set("source", remark.source)
         element.text = remark.text
-    _say_roles(root, description, [(item.name, item.joint) for item in description.inputs])
+    _say_roles(root, description, description.inputs)
     return root
 
 
-def _say_roles(root: Element, description: Description, inputs: Iterable[tuple[str, str]]) -> None:
+def _say_roles(root: Element, description: Description, inputs: Iterable[Input]) -> None:
     """Append closures, relations, inputs, task and postures."""
     for closure in description.closures:
         root.append(etree.fromstring(constraint_xml(closure)))
     for relation in description.relations:
         root.append(etree.fromstring(constraint_xml(relation)))
-    for name, joint in inputs:
-        transmission = etree.SubElement(root, "transmission", name=name)
-        etree.SubElement(transmission, "joint", name=joint)
+    for item in inputs:
+        _say_input(root, item)
     task = description.task
     if task is not None:
         element = etree.SubElement(root, "task", base=task.base, tip=task.tip)
@@ -127,6 +134,19 @@ def _say_roles(root: Element, description: Description, inputs: Iterable[tuple[s
         _say_posture(root, "home", description.home)
     for name, values in description.states.items():
         _say_posture(root, name, values)
+
+
+def _say_input(root: Element, item: Input) -> None:
+    transmission = etree.SubElement(root, "transmission", name=item.name)
+    etree.SubElement(transmission, "joint", name=item.joint)
+    if (item.reduction, item.rotor_inertia) == (1.0, 0.0):
+        return
+    actuator = etree.SubElement(transmission, "actuator", name=item.name)
+    for tag, value in (
+        ("mechanicalReduction", item.reduction),
+        ("rotorInertia", item.rotor_inertia),
+    ):
+        etree.SubElement(actuator, tag).text = elements.written((value,))
 
 
 def _say_posture(root: Element, name: str, values: Mapping[str, tuple[float, ...]]) -> None:
@@ -174,6 +194,10 @@ def joint_element(joint: Joint, coupling: Coupling | None = None) -> Element:
             limit.set("upper", elements.written((min(joint.upper, UNBOUNDED),)))
         limit.set("effort", "0")
         limit.set("velocity", "0")
+    dynamics = {"damping": joint.damping, "friction": joint.friction, "armature": joint.armature}
+    said = {name: elements.written((value,)) for name, value in dynamics.items() if value}
+    if said:
+        etree.SubElement(element, "dynamics", said)
     if coupling is not None:
         mimic = etree.SubElement(element, "mimic", joint=coupling.leader)
         mimic.set("multiplier", elements.written((coupling.multiplier,)))

@@ -28,6 +28,7 @@ from closedchain.urdf import (
     read_constraint,
 )
 from closedchain.urdf.constraint_element import SPELLINGS
+from closedchain.urdf.writing import urdf_text
 
 LIMIT = '<limit lower="-3" upper="3" effort="1" velocity="1"/>'
 FOUR_BAR = f"""<robot name="four_bar" version="1.0">
@@ -72,7 +73,7 @@ FOUR_BAR = f"""<robot name="four_bar" version="1.0">
   <transmission name="q1">
     <type>SimpleTransmission</type>
     <joint name="a"><hardwareInterface>Position</hardwareInterface></joint>
-    <actuator name="m"><mechanicalReduction>1</mechanicalReduction></actuator>
+    <actuator name="m"><mechanicalReduction>50</mechanicalReduction></actuator>
   </transmission>
   <task base="base" tip="tool" outputs="x y rz" length="0.5"/>
   <group_state name="home" group="all">
@@ -134,11 +135,20 @@ def test_home_is_normalised(four_bar):
 
 def test_what_is_not_read_is_noted(four_bar):
     notes = "\n".join(four_bar.notes)
-    for word in ("<gazebo>", "<dynamics>", "<type>", "<actuator>",
-                 "<hardwareInterface>"):  # fmt: skip
+    for word in ("<gazebo>", "<type>", "<hardwareInterface>"):
         assert word in notes
     assert "material" not in notes
     assert all(note.startswith("line ") for note in four_bar.notes)
+
+
+def test_dynamics_and_reductions(four_bar):
+    c = next(joint for joint in four_bar.joints if joint.name == "c")
+    assert (c.damping, c.friction, c.armature) == (0.1, 0.0, 0.0)
+    assert [item.reduction for item in four_bar.inputs] == [1.0, 50.0]
+    assert any("dynamics" in note and "'c'" in note for note in four_bar.notes)
+    again = read(urdf_text(four_bar))
+    assert [j.damping for j in again.joints] == [j.damping for j in four_bar.joints]
+    assert [item.reduction for item in again.inputs] == [1.0, 50.0]
 
 
 def test_a_description_pickles(four_bar):
