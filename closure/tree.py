@@ -75,7 +75,8 @@ def _add_joint(model: pin.Model, joint: Joint, parent: int, placement: pin.SE3) 
     if joint.type == "floating":
         return int(model.addJoint(parent, pin.JointModelFreeFlyer(), placement, joint.name))
     axis = np.array(joint.axis)
-    aligned = np.flatnonzero(axis == 1.0)
+    # a tilt below 1e-8 leaves 1.0 as it is
+    aligned = np.flatnonzero((axis == 1.0) & (np.count_nonzero(axis) == 1))
     prismatic = joint.type == "prismatic"
     if aligned.size:  # Pinocchio's aligned joints are faster than the general ones
         kinds = (

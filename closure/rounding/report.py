@@ -8,6 +8,30 @@ from closedchain.closure.ranks import Rank
 
 
 @dataclass(frozen=True)
+class Change:
+    """A number that is read as another one.
+
+    Attributes
+    ----------
+    where : str
+        Joint or constraint, and what of it.
+    is_length : bool
+        Whether it is in m; else an angle or a component of an axis.
+    printed, read : float
+    """
+
+    where: str
+    is_length: bool
+    printed: float
+    read: float
+
+    @property
+    def off(self) -> float:
+        """How far the two are apart."""
+        return abs(self.read - self.printed)
+
+
+@dataclass(frozen=True)
 class Rounding:
     """A file with rounded numbers, and the exact mechanism that it is read as.
 
@@ -23,9 +47,8 @@ class Rounding:
     rank : Rank
         Rank r by the numbers as printed, with the singular values around the cut: the smallest
         that counts, and the largest that rounding makes.
-    changed : tuple of (str, float, float)
-        What each number that is read as another one belongs to, and the number as printed and as
-        read [m, rad].
+    changed : tuple of Change
+        Numbers that are read as others.
     """
 
     tolerance: float
@@ -33,12 +56,12 @@ class Rounding:
     kept: tuple[int, ...]
     redundant: tuple[int, ...]
     rank: Rank
-    changed: tuple[tuple[str, float, float], ...]
+    changed: tuple[Change, ...]
 
     @property
     def text(self) -> str:
         """One sentence."""
-        most = max((abs(new - old) for _, old, new in self.changed), default=0.0)
+        most = max((change.off for change in self.changed), default=0.0)
         count = len(self.changed)
         return (
             f"the numbers are rounded: of {len(self.kept) + len(self.redundant)} closure rows "

@@ -28,6 +28,7 @@ class Settled:
     Attributes
     ----------
     q : (nq,) array
+    rank : int
     rows : (rows,) array
         Dimensionless rows there.
     spare : (rows, rows - rank) array
@@ -39,6 +40,7 @@ class Settled:
     """
 
     q: np.ndarray
+    rank: int
     rows: np.ndarray
     spare: np.ndarray
     motions: np.ndarray
@@ -62,7 +64,7 @@ def settled(equations: Equations, q: np.ndarray, rank: int) -> Settled | None:
         if not size < 3.0 or size > 2.0 * last:
             return None
         if size < _SETTLED or (size < 1e-10 and size > 0.3 * last):
-            return Settled(q, rows, u[:, rank:], vt[rank:].T, s)
+            return Settled(q, rank, rows, u[:, rank:], vt[rank:].T, s)
         last = max(size, 1e-13)
         q = equations.move(q, step)
     return None

@@ -17,8 +17,9 @@ from closedchain.closure.equations import Equations
 from closedchain.closure.mechanism import Mechanism
 from closedchain.closure.ranks import RANK_TOLERANCE, Rank, independent_rows
 from closedchain.closure.rounding.refit import POSTURES, Build, Movable, refit
-from closedchain.closure.rounding.report import Rounding
+from closedchain.closure.rounding.report import Change, Rounding
 from closedchain.closure.rounding.settling import Settled, spread
+from closedchain.closure.solve.control import CLOSED
 from closedchain.closure.solve.descend import descend
 from closedchain.closure.solve.newton import largest
 from closedchain.closure.solve.starts import scattered, turned
@@ -29,6 +30,8 @@ NONE = 1e-11
 
 _DOUBT = 1e-12  # dimensionless row or share of a singular value that rounding may have made
 _RANKS = 4  # that are tried, from the least
+_CLEAR = 0.1  # share of their size that singular values of the kept rows have where these are clear
+_NOTHING = 1e-15  # change of a number that is none
 
 
 def meant(
@@ -64,9 +67,11 @@ def meant(
             exact = refit(movable, model, [spot.q for spot in spots])
             if exact is None:
                 continue
-            told = _report(mechanism, exact, spots, rank, tolerance)
-            if told is not None:
-                return exact, told
+            changed = tuple(_changes(mechanism, exact))
+            most = max((one.off * (1.0 if one.is_length else mechanism.length) for one in changed),
+                       default=0.0)  # fmt: skip
+            if most <= tolerance:
+                return exact, _report(mechanism, exact, spots, tolerance, changed)
     return mechanism, None
 
 
@@ -91,7 +96,7 @@ def _along(
     s = np.linalg.svd(equations.evaluate(start)[1], compute_uv=False)
     rank = int((s > share * s.max(initial=0.0)).sum())
     tried = 0
-    while rank < mechanism.rows and tried < _RANKS:
+    while rank < mechanism.rows and rank <= mechanism.model.nv and tried < _RANKS:
         spots = spread(mechanism, start, rank, share, POSTURES) if rank else []
         higher = max((_count(spot, share) for spot in spots), default=rank)
         if higher > rank:  # the start is special: elsewhere more rows are independent
@@ -138,26 +143,31 @@ def _at(number: Number, value: float) -> Number:
 
 
 def _report(
-    printed: Mechanism, exact: Mechanism, spots: Sequence[Settled], rank: int, tolerance: float
-) -> Rounding | None:
-    """What the printed numbers miss; None where that is beyond the tolerance."""
-    equations = Equations(exact, np.arange(exact.model.nv))
-    kept = independent_rows(np.array([equations.evaluate(s.q)[1] for s in spots]), rank)
-    others = tuple(sorted(set(range(exact.rows)) - set(kept)))
-    printed_equations = Equations(printed, np.arange(printed.model.nv))
+    printed: Mechanism,
+    exact: Mechanism,
+    spots: Sequence[Settled],
+    tolerance: float,
+    changed: tuple[Change, ...],
+) -> Rounding:
+    """What the printed numbers miss at postures (nq,) along the motions.
+
+    Postures at which the kept rows are much less independent than all rows tell of the choice, not
+    of the numbers, and are left out.
+    """
+    rank = spots[0].rank
+    equations = Equations(printed, np.arange(printed.model.nv))
+    jacobians = np.array([equations.evaluate(spot.q)[1] for spot in spots])
+    kept = independent_rows(jacobians, rank)
+    others = [row for row in range(exact.rows) if row not in kept]
     missed, above, below = 0.0, np.inf, 0.0
-    for spot in spots:
-        values = _kept_closed(printed_equations, spot.q, kept)
-        if values is None:
-            continue
-        left = np.abs(values[list(others)])
-        missed = max(missed, float(left.max(initial=0.0)))
-        if largest(left / printed.row_scale[list(others)]) * printed.length > tolerance:
-            return None
+    for spot, jacobian in zip(spots, jacobians, strict=True):
+        least = np.linalg.svd(jacobian[list(kept)], compute_uv=False)[-1] if rank else np.inf
+        values = _kept_closed(equations, spot.q, kept)
+        if values is not None and (spot is spots[0] or least > _CLEAR * spot.values[rank - 1]):
+            missed = max(missed, largest(values[others]))
         above = min(above, float(spot.values[rank - 1]) if rank else np.inf)
         below = max(below, float(spot.values[rank]) if rank < spot.values.size else 0.0)
-    changed = tuple(_changes(printed, exact))
-    return Rounding(tolerance, missed, kept, others, Rank(rank, above, below), changed)
+    return Rounding(tolerance, missed, kept, tuple(others), Rank(rank, above, below), changed)
 
 
 def _kept_closed(equations: Equations, q: np.ndarray, kept: Sequence[int]) -> np.ndarray | None:
@@ -169,12 +179,11 @@ def _kept_closed(equations: Equations, q: np.ndarray, kept: Sequence[int]) -> np
             return values
         scaled = values[rows] / equations.row_scale[rows]
         q = equations.move(q, -np.linalg.lstsq(matrix[rows], scaled, rcond=None)[0])
-    return values if largest(values[rows]) < 1e-12 else None
+    return values if largest(values[rows]) < CLOSED else None
 
 
-def _changes(printed: Mechanism, exact: Mechanism) -> Iterator[tuple[str, float, float]]:
+def _changes(printed: Mechanism, exact: Mechanism) -> Iterator[Change]:
     for old, new in zip(numbers(printed.description), numbers(exact.description), strict=True):
-        if abs(new.value - old.value) > 1e-15:
-            kind = "xyz" if old.index < 3 else "rpy"
-            part = old.part if old.part.endswith("axis") else f"{old.part} {kind}"
-            yield f"{old.owner} {part}", old.value, new.value
+        if abs(new.value - old.value) > _NOTHING:
+            kind = "" if old.part.endswith("axis") else " xyz" if old.index < 3 else " rpy"
+            yield Change(f"{old.owner} {old.part}{kind}", old.is_length, old.value, new.value)

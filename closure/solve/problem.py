@@ -13,6 +13,7 @@ from functools import cached_property
 import numpy as np
 import pinocchio as pin
 
+from closedchain.closure.closures import Closure
 from closedchain.closure.mechanism import Mechanism
 from closedchain.closure.ranks import independent_rows
 from closedchain.closure.solve.samples import closed_samples
@@ -136,7 +137,11 @@ class Problem:
             return ()
         values = np.linalg.svd(matrices, compute_uv=False)
         rank = int((values > DEPENDENT * values[:, :1]).sum(axis=1).max())
-        return tuple(range(rows)) if rank == rows else independent_rows(matrices, rank)
+        if rank == rows:
+            return tuple(range(rows))
+        # solvers take a held point's rows along the world's axes or along those of frame 1
+        turned = [self._upright(q) for q in self.regular]
+        return independent_rows(np.concatenate([matrices, turned]), rank)
 
     @cached_property
     def sampled_jacobians(self) -> np.ndarray:
@@ -157,6 +162,17 @@ class Problem:
             parts.append(goal_rows(m, g)[1])
         whole = np.vstack(parts) * m.column_scale / self.units[:, None]
         return np.asarray(whole[:, list(self.free)])
+
+    def _upright(self, q: np.ndarray) -> np.ndarray:
+        """As ``jacobian_at``, with the rows that hold a point along the world's axes."""
+        matrix = self.jacobian_at(q)  # leaves the placements in the workspace
+        placed = self.mechanism.workspace.data.oMi
+        for closure, where in zip(self.mechanism.closures, self.mechanism.row_slices, strict=True):
+            if isinstance(closure, Closure) and closure.joint_kind.holds_point:
+                three = slice(where.start, where.start + 3)
+                turn = (placed[closure.joint1] * closure.placement1).rotation
+                matrix[three] = turn @ matrix[three]
+        return matrix
 
     def elimination(self, graph: Graph, rows: Rows, samples: np.ndarray) -> Elimination:
         """Elimination of the kept rows in the free coordinates; inputs of the graph as sampled."""

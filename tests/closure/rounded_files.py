@@ -30,6 +30,11 @@ def rounded_urdf(
         }
     parts = [f'<link name="{link.name}"/>' for link in description.links]
     stated = dict(description.home if home is None else home)
+    mimics = {
+        one.joint: f'<mimic joint="{one.leader}" multiplier="{one.multiplier!r}" '
+        f'offset="{one.offset!r}"/>'
+        for one in description.couplings
+    }
     for joint in description.joints:
         one, two = turns[joint.parent], turns[joint.child]
         origin = se3(joint.origin)
@@ -42,6 +47,7 @@ def rounded_urdf(
             f'<child link="{joint.child}"/>{_origin_xml("origin", place, decimals)}'
             + ("" if joint.type in {"fixed", "floating"} else f'<axis xyz="{axis}"/>')
             + (limit if joint.type in {"revolute", "prismatic"} else "")
+            + mimics.get(joint.name, "")
             + "</joint>"
         )
         if joint.type == "floating" and joint.name in stated:
