@@ -130,8 +130,14 @@ def _step(movable: Movable, here: _State, scale: np.ndarray, damping: float) -> 
     left = np.concatenate([spot.spare.T @ spot.rows for spot in here.spots])
     by_number = Sensitivity(here.mechanism, chosen)
     matrix = np.vstack([spot.spare.T @ by_number.at(spot.q) * scale for spot in here.spots])
-    u, s, vt = np.linalg.svd(matrix, full_matrices=False)
-    return np.asarray(vt.T @ (s / (s**2 + damping**2) * (u.T @ left)))
+    # least |matrix y - left|^2 + |damping y|^2, by orthogonal factors of the smaller side
+    if matrix.shape[0] >= matrix.shape[1]:
+        whole = np.vstack([matrix, damping * np.eye(matrix.shape[1])])
+        q, r = np.linalg.qr(whole)
+        return np.linalg.solve(r, q[: left.size].T @ left)
+    whole = np.vstack([matrix.T, damping * np.eye(left.size)])
+    q, r = np.linalg.qr(whole)
+    return np.asarray(q[: matrix.shape[1]] @ np.linalg.solve(r.T, left))
 
 
 def _moved(movable: Movable, here: _State, values: np.ndarray) -> _State | None:
