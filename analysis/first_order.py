@@ -32,6 +32,8 @@ class FirstOrder:
     J : (d, nv) array
         Task Jacobian, dimensionless; no rows where no outputs were asked for.
     outputs : tuple of str
+    values : (rows,) array
+        Closure rows [m, rad].
     row_unit, output_unit, column_unit : arrays
         Units taken out of K's rows, J's rows and the columns: ``length`` or 1.
     """
@@ -41,6 +43,7 @@ class FirstOrder:
     K: np.ndarray
     J: np.ndarray
     outputs: tuple[str, ...]
+    values: np.ndarray
     row_unit: np.ndarray
     output_unit: np.ndarray
     column_unit: np.ndarray
@@ -79,8 +82,7 @@ def first_order(
         Malformed or open posture, unknown outputs, no task.
     """
     q = mechanism.configuration(q)
-    values, jacobian = mechanism.workspace.evaluate(q)
-    jacobian = np.array(jacobian)
+    values, jacobian = (np.array(part) for part in mechanism.workspace.evaluate(q))
     if values.size and np.abs(values).max() > OPEN:
         name, gap = gaps(mechanism, values)[0]
         raise ClosureError(
@@ -100,6 +102,7 @@ def first_order(
         K=jacobian * columns / mechanism.row_scale[:, None],
         J=task_rows * columns / units[:, None],
         outputs=names,
+        values=values,
         row_unit=mechanism.row_scale,
         output_unit=units,
         column_unit=columns,

@@ -12,11 +12,12 @@ from numpy.typing import ArrayLike
 
 from closedchain.analysis.first_order import FirstOrder, first_order
 from closedchain.analysis.singularity.classify import SINGULAR
+from closedchain.analysis.singularity.deciding import Deciding
 from closedchain.analysis.structure.driving import driving
 from closedchain.analysis.structure.mobility import generic_rank
 from closedchain.analysis.velocity import velocity
 from closedchain.closure.mechanism import Mechanism, finite_vector
-from closedchain.closure.ranks import Rank, null_space
+from closedchain.closure.ranks import Rank, kernel
 from closedchain.urdf.errors import ClosureError, known_names
 
 _LISTED = 8  # choices that must not be locked, in the text
@@ -182,8 +183,8 @@ def redundancy(
         Malformed or open posture, unknown outputs, no task.
     """
     at = first_order(mechanism, q, outputs)
-    basis, rank = null_space(at.stacked)
-    basis = _by_inputs(basis, mechanism.input_v)
+    rank = Deciding(at).held.rank
+    basis = _by_inputs(kernel(at.stacked, mechanism.model.nv - rank.value), mechanism.input_v)
     joints = basis * at.column_unit[:, None]
     inputs = joints[mechanism.input_v]
     sizes = np.linalg.norm(inputs, axis=0)

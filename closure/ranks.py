@@ -82,3 +82,30 @@ def independent_rows(matrices: np.ndarray, rank: int) -> tuple[int, ...]:
         unit = left[:, best] / np.maximum(np.linalg.norm(left[:, best], axis=1), 1e-300)[:, None]
         left = left - np.einsum("nrc,nc->nr", left, unit)[:, :, None] * unit[:, None, :]
     return tuple(sorted(chosen))
+
+
+def kernel(matrix: np.ndarray, dimension: int) -> np.ndarray:
+    """Orthonormal null space (columns, dimension) of a matrix whose rank is decided elsewhere."""
+    columns = matrix.shape[1]
+    if not dimension or not matrix.shape[0]:
+        return np.eye(columns)[:, columns - dimension :]
+    return np.ascontiguousarray(np.linalg.svd(matrix)[2][columns - dimension :].T)
+
+
+def least_solution(
+    matrix: np.ndarray, wanted: np.ndarray, rank: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Least-squares solution of least norm for a rank decided elsewhere, and the null space.
+
+    Parameters
+    ----------
+    matrix : (rows, columns) array
+    wanted : (rows,) or (rows, k) array
+    """
+    if 0 in matrix.shape:
+        columns = matrix.shape[1]
+        return np.zeros((columns, *wanted.shape[1:])), np.eye(columns)
+    u, s, vt = np.linalg.svd(matrix)
+    target = u[:, :rank].T @ wanted
+    solved = vt[:rank].T @ (target.T / s[:rank]).T
+    return np.asarray(solved), np.ascontiguousarray(vt[rank:].T)

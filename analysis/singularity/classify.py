@@ -13,26 +13,25 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from closedchain.analysis.first_order import FirstOrder, first_order, moving_joints, tip_twists
+from closedchain.analysis.singularity.deciding import ByShare, Deciding
+from closedchain.analysis.singularity.distance import Nearest
 from closedchain.analysis.singularity.kinds import TYPES, kinds_of, title, types_of
 from closedchain.analysis.singularity.rank_loss import (
     ClosedMotions,
     Ranks,
-    closed_motions,
     entry,
-    ranks_of,
     sigma_direct,
     sigma_inverse,
 )
 from closedchain.analysis.structure.driving import driving
 from closedchain.analysis.structure.mobility import generic_rank
 from closedchain.closure.generic import generic_ranks
-from closedchain.closure.joint_rates import physical_rates
 from closedchain.closure.mechanism import Mechanism
-from closedchain.closure.ranks import Rank, rank_of_singular_values
+from closedchain.closure.ranks import Rank
 from closedchain.urdf.description import OUTPUTS
 
 SINGULAR = 1e-8
-"""Share of its scale below which a singular value counts as zero."""
+"""Share of its scale below which a singular value counts as zero where no distance is sought."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +63,12 @@ class Classification:
         Combinations of outputs that cannot be produced: orthonormal in dimensionless outputs. None
         unless the posture is inverse.
     ranks : mapping of kind to Rank
-        The decision for each kind with its gap: of A, T and K, see ``rank_loss``.
+        The decision for each kind with its gap: of A, T and K, see ``rank_loss``. ``gap`` is the
+        ratio of the smallest singular value that counts to the largest that does not.
+    nearest : mapping of kind to Nearest
+        ``distance`` to the nearest posture that is singular in this way, in the norm of physical
+        joint rates, and the ``accuracy`` to which the posture is known: what lies within it counts.
+        At an infinite distance where no singular value is small, so that none was sought.
     outputs : tuple of str
     text : str
     """
@@ -79,8 +83,19 @@ class Classification:
     free_twists: np.ndarray
     lost_twists: np.ndarray
     ranks: Mapping[str, Rank]
+    nearest: Mapping[str, Nearest]
     outputs: tuple[str, ...]
     text: str
+
+    @property
+    def distance(self) -> float:
+        """To the nearest singular posture, of whatever kind, see ``nearest``."""
+        return min(found.distance for found in self.nearest.values())
+
+    @property
+    def accuracy(self) -> float:
+        """To which the posture is known in that respect."""
+        return min(self.nearest.values(), key=lambda found: found.distance).accuracy
 
     @property
     def combined(self) -> bool:
@@ -93,18 +108,21 @@ def classify(
     q: ArrayLike,
     outputs: str | tuple[str, ...] | list[str] | None = None,
     *,
-    tolerance: float = SINGULAR,
+    tolerance: float | None = None,
 ) -> Classification:
     """Classify a closed posture.
+
+    A posture is singular where a singular one lies within the accuracy to which it is known. Where
+    a singular value is small, Newton's method seeks it.
 
     Parameters
     ----------
     q : (nq,) array
     outputs : str, optional
         Such as "x y z rx rz"; those of the task by default.
-    tolerance : float
-        Singular values below this share of their scale count as zero. A posture known to n digits
-        shows values of the order 10**-n on a singular set.
+    tolerance : float, optional
+        Singular values below this share of their scale count as zero instead, and no distance is
+        sought. A posture known to n digits shows values of the order 10**-n on a singular set.
 
     Raises
     ------
@@ -113,15 +131,14 @@ def classify(
     """
     at = first_order(mechanism, q, outputs)
     generic = generic_ranks(mechanism, at.outputs)
-    closures, basis, sigma_constraint = _null_space(at, tolerance)
-    v = closed_motions(mechanism, basis, physical_rates(mechanism, at.q), at.J)
-    ranks = ranks_of(v, closures, generic, tolerance)
+    decided = Deciding(at) if tolerance is None else ByShare(at, tolerance)
+    v, ranks = decided.motions, decided.ranks
     kinds, types = kinds_of(ranks, generic), types_of(ranks, generic)
     free, lost = _free(at, v, ranks, kinds), _lost(v, ranks, kinds)
     sigma = {
         "direct": float(sigma_direct(v, generic)),
         "inverse": float(sigma_inverse(v, generic)),
-        "constraint": sigma_constraint,
+        "constraint": float(entry(decided.values["constraint"], generic_rank(mechanism))),
     }
     found = determinants(mechanism, at.K[None], at.J[None])
     dets = {kind: None if value is None else float(value[0]) for kind, value in found.items()}
@@ -138,19 +155,10 @@ def classify(
         ranks=MappingProxyType(
             {"direct": ranks.inputs, "inverse": ranks.outputs, "constraint": ranks.closures}
         ),
+        nearest=MappingProxyType(decided.nearest),
         outputs=at.outputs,
-        text=_text(at, kinds, types, sigma, free, lost),
+        text=_text(at, decided, sigma, free, lost),
     )
-
-
-def _null_space(at: FirstOrder, tolerance: float) -> tuple[Rank, np.ndarray, float]:
-    """Rank of K, a basis (nv, m) of its null space, and sigma_constraint."""
-    r, nv = generic_rank(at.mechanism), at.mechanism.model.nv
-    if not at.K.shape[0]:
-        return Rank(0, 0.0, 0.0), np.eye(nv), 1.0
-    _, s, vt = np.linalg.svd(at.K)
-    rank = rank_of_singular_values(s, tolerance)
-    return rank, np.ascontiguousarray(vt[min(rank.value, r) :].T), float(entry(s, r))
 
 
 def _free(at: FirstOrder, v: ClosedMotions, ranks: Ranks, kinds: frozenset[str]) -> np.ndarray:
@@ -236,13 +244,14 @@ def row_combination(mechanism: Mechanism, closures: np.ndarray) -> np.ndarray:
 
 def _text(
     at: FirstOrder,
-    kinds: frozenset[str],
-    types: frozenset[str],
+    decided: Deciding | ByShare,
     sigma: dict[str, float],
     free: np.ndarray,
     lost: np.ndarray,
 ) -> str:
-    mechanism = at.mechanism
+    mechanism, ranks = at.mechanism, decided.ranks
+    generic = generic_ranks(mechanism, at.outputs)
+    kinds, types = kinds_of(ranks, generic), types_of(ranks, generic)
     listed = ", ".join(
         f"{kind} {value:.3g}" + " (vanishes)" * (kind in kinds) for kind, value in sigma.items()
     )
@@ -250,6 +259,13 @@ def _text(
         f"{mechanism.name}: {title(kinds)}, outputs {' '.join(at.outputs)}.",
         f"  singular values: {listed}",
     ]
+    ranked = {"direct": ranks.inputs, "inverse": ranks.outputs, "constraint": ranks.closures}
+    lines.extend(
+        f"  {kind}: {ranked[kind]}, singular at a distance of {near.distance:.3g}, where the "
+        f"posture is known to {near.accuracy:.3g}"
+        for kind, near in decided.nearest.items()
+        if np.isfinite(near.distance) and isinstance(decided, Deciding)
+    )
     if types:
         named = ", ".join(f"{name} {TYPES[name].title}" for name in TYPES if name in types)
         lines.append(f"  types: {named}")

@@ -24,7 +24,7 @@ for i = 0, where there is nothing to lose:
   that is hardest to produce.
 * condition = sv_1(S) / sv_d(S), with S = T A^+ the twist map on what the inputs can do: for the
   singular value decomposition A = U s W^T, S = T W_c / s_c with the first c = b + m - n columns.
-  Infinite where sigma_direct or sv_d(S) is zero.
+  Infinite where sigma_direct or sv_d(S) is zero to rounding.
 
 The kinds, with the rank of a matrix here counted against what is generic:
 
@@ -51,9 +51,13 @@ from closedchain.closure.mechanism import Mechanism
 from closedchain.closure.ranks import Rank, rank_above
 
 __all__ = [
-    "ClosedMotions", "Ranks", "closed_motions", "condition", "entry", "physical_rates", "ranks_of",
+    "ClosedMotions", "Ranks", "closed_motions", "condition", "entry", "output_scale",
+    "physical_rates", "ranks_of",
     "sigma_direct", "sigma_inverse",
 ]  # fmt: skip
+
+ROUNDING = 1e-15
+"""Share of its scale below which a singular value is zero, whatever the posture."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,18 +139,17 @@ def condition(v: ClosedMotions, generic: GenericRanks) -> np.ndarray:
     if generic.undriven or not 0 < c <= min(v.inputs.shape[-2:]) or not 0 < d <= c:
         return infinite
     _, s, wt = np.linalg.svd(v.inputs, full_matrices=False)
-    tiny = np.finfo(float).tiny
-    regular = s[..., c - 1] > tiny
+    regular = s[..., c - 1] > ROUNDING
     scale = np.where(regular[..., None], s[..., :c], 1.0)
     values = _values(v.outputs @ wt[..., :c, :].swapaxes(-1, -2) / scale[..., None, :])
-    regular &= values[..., d - 1] > tiny * values[..., 0]
+    regular &= values[..., d - 1] > ROUNDING * values[..., 0]
     least = np.where(regular, values[..., d - 1], 1.0)
     return np.where(regular, values[..., 0] / least, infinite)
 
 
 def ranks_of(v: ClosedMotions, closures: Rank, generic: GenericRanks, tolerance: float) -> Ranks:
     """Decide the ranks at one posture; ``tolerance`` is relative, see the module."""
-    scale = max(generic.output_scale, float(_values(v.outputs).max(initial=0.0)))
+    scale = output_scale(v, generic)
     inputs = rank_above(_values(v.inputs), tolerance)
     outputs = rank_above(_values(v.outputs), tolerance * scale)
     both = _values(np.vstack([v.inputs, v.outputs / scale]))
@@ -154,6 +157,11 @@ def ranks_of(v: ClosedMotions, closures: Rank, generic: GenericRanks, tolerance:
     least = max(inputs.value, outputs.value)
     most = min(v.size, inputs.value + outputs.value)
     return Ranks(closures, inputs, outputs, min(max(counted, least), most), v.size)
+
+
+def output_scale(v: ClosedMotions, generic: GenericRanks) -> float:
+    """What singular values of T at one posture are compared with."""
+    return max(generic.output_scale, float(_values(v.outputs).max(initial=0.0)))
 
 
 def entry(values: np.ndarray, number: int) -> np.ndarray:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,8 +13,12 @@ if TYPE_CHECKING:
     import numpy as np
 
     from closedchain.analysis.singularity.classify import Classification
+    from closedchain.analysis.structure.mobility import Mobility
+    from closedchain.analysis.structure.relaxation import Relaxation
     from closedchain.analysis.survey.surveying import Survey
     from closedchain.closure import Mechanism, Solution
+
+_WIDTH = 100  # of lines of prose
 
 
 def catalogue(json: bool) -> None:
@@ -62,12 +67,13 @@ def info(mechanism: Mechanism, json: bool) -> None:
     """Inputs, task, closures, parameters and mobility."""
     import closedchain as cc
 
-    counted = cc.mobility(mechanism)
+    counted = None if mechanism.home_open else cc.mobility(mechanism)
+    relaxed = cc.relaxation(mechanism) if counted and counted.redundant_rows else None
     data = _info_data(mechanism)
     if json:
-        numbers = {key: value for key, value in vars(counted).items() if key != "rank"}
-        rank = {"value": counted.rank.value, **_gap(counted.rank)}
-        print_json({**data, "mobility": {**numbers, "rank": rank}})
+        print_json(
+            {**data, "mobility": _mobility_data(counted), "relaxation": _relaxation_data(relaxed)}
+        )
         return
     task = mechanism.task
     sizes = f"{mechanism.model.nq}, {mechanism.model.nv}, {mechanism.rows}"
@@ -98,9 +104,39 @@ def info(mechanism: Mechanism, json: bool) -> None:
     if mechanism.parameters:
         say("")
         table(("parameter", "value"), list(mechanism.parameters.items()))
-    say(f"\n{counted.text}")
+    if counted is None:
+        say(
+            f"\n{mechanism.name}: home is open by {mechanism.open_by:.3g}, the mobility is unknown."
+        )
+    else:
+        say(f"\n{counted.text}")
+    if relaxed is not None:
+        say(textwrap.fill(relaxed.text, _WIDTH))
     for note in mechanism.notes:
-        say(f"note: {note}")
+        say(textwrap.fill(f"note: {note}", _WIDTH, subsequent_indent="  "))
+
+
+def _mobility_data(counted: Mobility | None) -> dict[str, Any] | None:
+    if counted is None:
+        return None
+    numbers = {key: value for key, value in vars(counted).items() if key != "rank"}
+    return {**numbers, "rank": {"value": counted.rank.value, **_gap(counted.rank)}}
+
+
+def _relaxation_data(found: Relaxation | None) -> dict[str, Any] | None:
+    if found is None:
+        return None
+    single, together = ([vars(one) for one in some] for some in (found.single, found.together))
+    return {"redundant": found.redundant, "single": single, "together": together}
+
+
+def _rounding_data(mechanism: Mechanism) -> dict[str, Any] | None:
+    found = mechanism.rounding
+    if found is None:
+        return None
+    rank = {"value": found.rank.value, **_gap(found.rank)}
+    changed = [vars(change) for change in found.changed]
+    return {**vars(found), "rank": rank, "changed": changed}
 
 
 def _info_data(mechanism: Mechanism) -> dict[str, Any]:
@@ -143,6 +179,9 @@ def _info_data(mechanism: Mechanism) -> dict[str, Any]:
         ],
         "parameters": mechanism.parameters,
         "notes": mechanism.notes,
+        "misfit": mechanism.misfit,
+        "open_by": mechanism.open_by,
+        "rounding": _rounding_data(mechanism),
     }
 
 
@@ -218,6 +257,9 @@ def classification(mechanism: Mechanism, q: np.ndarray, found: Classification, j
             "kinds": sorted(found.kinds),
             "types": sorted(found.types),
             "ranks": {k: {"value": r.value, **_gap(r)} for k, r in found.ranks.items()},
+            "nearest": {k: vars(one) for k, one in found.nearest.items()},
+            "distance": found.distance,
+            "accuracy": found.accuracy,
             "free_twists": found.free_twists.T,  # one twist an entry
             "lost_twists": found.lost_twists.T,
             "combined": found.combined,

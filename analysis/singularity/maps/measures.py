@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from closedchain.analysis.first_order import first_order
-from closedchain.analysis.singularity.classify import SINGULAR, determinants
+from closedchain.analysis.first_order import FirstOrder, first_order
+from closedchain.analysis.singularity.classify import determinants
+from closedchain.analysis.singularity.deciding import NEAR, Deciding
 from closedchain.analysis.singularity.kinds import KINDS as TABLE
 from closedchain.analysis.singularity.rank_loss import (
     closed_motions,
@@ -62,16 +63,11 @@ def _chunk(
     mechanism: Mechanism, postures: np.ndarray, outputs: tuple[str, ...], *, empty: bool = False
 ) -> dict[str, np.ndarray]:
     """Measures of a few postures, with one LAPACK call over all of them for each matrix."""
-    n, rows, nv = len(postures), mechanism.rows, mechanism.model.nv
-    closures, task = np.empty((n, rows, nv)), np.empty((n, len(outputs), nv))
-    rates, residual = [], np.empty(n)
-    for i, q in enumerate(postures):
-        at = first_order(mechanism, q, outputs)
-        closures[i], task[i] = at.K, at.J
-        rates.append(physical_rates(mechanism, q))
-        residual[i] = np.abs(mechanism.workspace.residual(q)).max(initial=0.0)
+    places = [first_order(mechanism, q, outputs) for q in postures]
+    closures, task = np.array([at.K for at in places]), np.array([at.J for at in places])
+    residual = np.array([np.abs(at.values).max(initial=0.0) for at in places])
     generic = generic_ranks(mechanism, outputs)
-    found = _on_closed_motions(mechanism, closures, np.array(rates), task, generic)
+    found = _on_closed_motions(places, closures, task, generic)
     signed = determinants(mechanism, closures, task)
     found |= {f"det_{kind}": values for kind, values in signed.items() if values is not None}
     found["residual"] = residual
@@ -79,20 +75,19 @@ def _chunk(
 
 
 def _on_closed_motions(
-    mechanism: Mechanism,
-    closures: np.ndarray,
-    rates: np.ndarray,
-    task: np.ndarray,
-    generic: GenericRanks,
+    places: list[FirstOrder], closures: np.ndarray, task: np.ndarray, generic: GenericRanks
 ) -> dict[str, np.ndarray]:
-    """Sigmas and condition (n,) of K (n, rows, nv), P (n, k, nv) and J (n, d, nv)."""
-    n, nv = len(closures), closures.shape[-1]
+    """Sigmas and condition (n,) of postures with K (n, rows, nv) and J (n, d, nv)."""
+    mechanism, n, nv = places[0].mechanism, len(closures), closures.shape[-1]
+    rates = np.array([physical_rates(mechanism, at.q) for at in places])
     r = nv - generic.motions
     if closures.shape[1]:
         _, s, vt = np.linalg.svd(closures)
     else:
         s, vt = np.zeros((n, 0)), np.broadcast_to(np.eye(nv), (n, nv, nv))
-    ranks = np.minimum((s > SINGULAR * s[:, :1]).sum(axis=1), r)
+    ranks = np.full(n, r)
+    for i in np.flatnonzero(entry(s, r) <= NEAR * np.maximum(s.max(axis=1, initial=0.0), 1.0)):
+        ranks[i] = Deciding(places[i]).closures.rank.value
     of = {"sigma_direct": sigma_direct, "sigma_inverse": sigma_inverse, "condition": condition}
     found = {name: np.empty(n) for name in of}
     found["sigma_constraint"] = entry(s, r)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from closedchain.analysis.singularity.classify import SINGULAR, classify
+from closedchain.analysis.singularity.deciding import NEAR
 from closedchain.analysis.singularity.rank_loss import (
     ClosedMotions,
     closed_motions,
@@ -20,7 +21,7 @@ from closedchain.closure.generic import generic_ranks
 from closedchain.closure.mechanism import Mechanism
 
 CHUNK = 256  # postures whose matrices are held at once
-UNSURE = 100.0  # within this factor of the tolerance, ``classify`` itself decides
+TRACED = 1e-12  # share of singular values that points on a traced set have
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,8 +84,8 @@ def sigmas_of(mechanism: Mechanism, found: Evidence, outputs: tuple[str, ...]) -
 def classified(mechanism: Mechanism, q: np.ndarray, outputs: tuple[str, ...]) -> list[Kinds]:
     """Classify closed postures (n, nq), unchecked.
 
-    By LAPACK over many postures. Where a decision is close, or closures themselves are singular,
-    ``classify`` takes it.
+    By LAPACK over many postures. Where a singular value is small, so that the distance decides, or
+    closures themselves are singular, ``classify`` takes it.
     """
     parts = [q[begin : begin + CHUNK] for begin in range(0, len(q), CHUNK)]
     return [kinds for part in parts for kinds in _chunk(mechanism, part, outputs)]
@@ -98,9 +99,13 @@ def _chunk(mechanism: Mechanism, q: np.ndarray, outputs: tuple[str, ...]) -> lis
     lost, produced, _ = np.linalg.svd(v.outputs)
     scale = np.maximum(generic.output_scale, produced.max(axis=1, initial=0.0))
     limits = np.stack([np.ones_like(scale), scale, found.closures.max(axis=1, initial=1e-300)])
+    every = (inputs, produced, found.closures[:, : generic_rank(mechanism)])
+    hard = np.zeros(len(q), dtype=bool)
+    for values, scales in zip(every, limits, strict=True):
+        shares = values / scales[:, None]
+        hard |= ((shares > TRACED) & (shares < NEAR)).any(axis=1)
     limits = SINGULAR * limits.T
-    hard = (sigmas < limits * UNSURE) & (sigmas > limits / UNSURE)
-    easy = ~hard.any(axis=1) & (sigmas[:, 2] > limits[:, 2])
+    easy = ~hard & (sigmas[:, 2] > limits[:, 2])
     driven = (inputs > limits[:, :1]).sum(axis=1)
     kept = (produced > limits[:, 1:2]).sum(axis=1)
     direct = v.size - driven > generic.idle

@@ -7,11 +7,15 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from closedchain.analysis.singularity.classify import SINGULAR
 from closedchain.analysis.singularity.sets.classifying import Kinds, classified
 from closedchain.closure.chart import Chart
 from closedchain.closure.solve.outcome import Ending
 
-KINDS = ("direct", "inverse", "combined", "constraint")
+COLUMNS = {"direct": [0], "inverse": [1], "combined": [0, 1], "constraint": [2]}
+"""Columns of ``SingularitySet.sigmas`` that vanish, by kind."""
+
+KINDS = tuple(COLUMNS)
 
 
 def wanted(kind: str) -> frozenset[str]:
@@ -194,9 +198,9 @@ def collect(
         number = np.full(len(piece.points), -1)
         q = piece.points[:, :nq]
         for i, c in enumerate(classified(chart.mechanism, q, outputs)):
-            if not wanted(kind) <= c.kinds:
-                # a zero of the equations, yet not singular by classify; closures that lose rank
-                # take that of every matrix with them, whatever the kind
+            if not wanted(kind) <= c.kinds or c.sigmas[COLUMNS[kind]].max() > SINGULAR:
+                # a zero of the equations, yet not singular by classify, or not met well enough;
+                # closures that lose rank take that of every matrix with them, whatever the kind
                 dropped += "constraint" not in c.kinds
                 continue
             number[i] = len(points)
