@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 
 from closedchain.closure.closures import Closure, Coupling
 from closedchain.closure.joint_kinds import FLOATING, TREE_KINDS
+from closedchain.closure.rigid_constraints import rigid_constraints
 from closedchain.closure.solve.control import CLOSED
 from closedchain.closure.workspace import Workspace
 from closedchain.urdf.description import OUTPUTS, Description, ParameterValue
@@ -408,6 +409,18 @@ class Mechanism:
         other = replace(self, home=home, length=length, open_by=0.0)
         other.__dict__["_local"] = self._local
         return other
+
+    def pinocchio_constraints(self) -> tuple[pin.RigidConstraintModel, ...]:
+        """Closures as rigid constraint models of Pinocchio, for its constrained dynamics.
+
+        A ball is one of type 3D, a weld one of type 6D, a hinge two of type 3D on its axis.
+
+        Raises
+        ------
+        ClosureError
+            Closures of other kinds and couplings of joints, which Pinocchio's models cannot say.
+        """
+        return rigid_constraints(self.model, self.closures)
 
     # -- Pinocchio's scratch space, one per thread -----------------------------------------------
 

@@ -22,6 +22,12 @@ from closedchain.urdf.errors import ClosedChainError, ClosureError, DescriptionE
 
 if TYPE_CHECKING:
     from closedchain.analysis.acceleration import Acceleration, acceleration
+    from closedchain.analysis.forces.input_dynamics import (
+        InputDynamics,
+        input_dynamics,
+        mass_matrix,
+    )
+    from closedchain.analysis.forces.inverse_dynamics import InverseDynamics, inverse_dynamics
     from closedchain.analysis.forces.statics import Statics, statics
     from closedchain.analysis.motion.follow import (
         Comparison,
@@ -52,15 +58,19 @@ if TYPE_CHECKING:
     from closedchain.analysis.structure.topology import structure
     from closedchain.analysis.symbolic import SymbolicSingularities, symbolic_singularities
     from closedchain.analysis.velocity import Velocity, velocity
+    from closedchain.closure.exporting import export
     from closedchain.closure.position import direct, inverse
 
 __version__ = "0.1.0"
 
 # What is asked of a mechanism is imported when it is first asked, so that loading stays quick.
 _LATER = {
+    "closure.exporting": "export",
     "closure.position": "direct inverse",
     "analysis.motion.track.stops": "Stop",
     "analysis.acceleration": "Acceleration acceleration",
+    "analysis.forces.input_dynamics": "InputDynamics input_dynamics mass_matrix",
+    "analysis.forces.inverse_dynamics": "InverseDynamics inverse_dynamics",
     "analysis.forces.statics": "Statics statics",
     "analysis.screws.accelerators": "Accelerators accelerators",
     "analysis.structure.dependence": "Dependence dependence",
@@ -113,6 +123,8 @@ __all__ = [
     "DescriptionError",
     "Follow",
     "Hessian",
+    "InputDynamics",
+    "InverseDynamics",
     "LegVelocity",
     "LoopGraph",
     "Mechanism",
@@ -142,14 +154,18 @@ __all__ = [
     "constraint_jacobian",
     "dependence",
     "direct",
+    "export",
     "follow",
     "hessian",
+    "input_dynamics",
     "inverse",
+    "inverse_dynamics",
     "leg_velocity",
     "load",
     "load_file",
     "load_urdf",
     "loops",
+    "mass_matrix",
     "mobility",
     "network",
     "poc",

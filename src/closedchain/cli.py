@@ -16,6 +16,7 @@ from typer.core import TyperGroup
 from closedchain import _arguments as arguments
 from closedchain import _reports as reports
 from closedchain._closed_forms_command import closed_forms
+from closedchain._export_command import export
 from closedchain._follow_command import follow
 from closedchain._options import (
     At,
@@ -36,7 +37,7 @@ from closedchain._options import (
     reads_a_file,
 )
 from closedchain._statics_command import statics
-from closedchain._terminal import fail, print_json, say
+from closedchain._terminal import fail, print_json, remark, say
 from closedchain.urdf.errors import ClosedChainError
 
 if TYPE_CHECKING:
@@ -214,6 +215,8 @@ def view(
 
     upwards = arguments.up_axis(robot, up)
     mechanism = _load(robot, settings, variant, no_xacro)
+    for note in mechanism.assumed:
+        remark(note)
     q = _posture(mechanism, values)
     if html is not None:
         html.write_text(static_page(mechanism, q, up=upwards), encoding="utf-8")
@@ -329,6 +332,7 @@ def plot(
 
 app.command()(reads_a_file(follow))
 app.command()(reads_a_file(closed_forms))
+app.command()(reads_a_file(export))
 app.command()(reads_a_file(statics))
 
 

@@ -41,6 +41,7 @@ from closedchain.urdf.formats.substitution import (
     fresh_name,
     named_children,
 )
+from closedchain.urdf.formats.written import Written
 from closedchain.urdf.link_poses import link_poses
 from closedchain.urdf.poses import inverse
 from closedchain.urdf.writing import document_text, joint_element, link_element, urdf_document
@@ -250,13 +251,8 @@ def _only_joint(root: Element, link: str) -> Element | None:
     return carrier
 
 
-def write(description: Description) -> tuple[str, str, tuple[str, ...]]:
-    """``robot.yaml`` and the ``robot.urdf`` beside it, and what they do not say.
-
-    Returns
-    -------
-    (yaml, urdf, losses)
-    """
+def write(description: Description) -> Written:
+    """``robot.yaml``, the ``robot.urdf`` beside it, and what they do not say."""
     root = urdf_document(description)
     for constraint in named_children(root, CONSTRAINT):
         root.remove(constraint)
@@ -287,7 +283,8 @@ def write(description: Description) -> tuple[str, str, tuple[str, ...]]:
         "joint_name: []",
         "joint_type: []",
     ]
-    return "\n".join(lines) + "\n", document_text(root), tuple(losses)
+    beside = {"robot.urdf": document_text(root)}
+    return Written("\n".join(lines) + "\n", tuple(losses), beside)
 
 
 def _word(name: str) -> str:

@@ -36,6 +36,7 @@ from closedchain.urdf.formats.substitution import (
     replace_by,
 )
 from closedchain.urdf.formats.tree_at_zero import parents_of, path_up
+from closedchain.urdf.formats.written import Written
 from closedchain.urdf.poses import origin_of, pose_of, z_along
 from closedchain.urdf.writing import document_text, urdf_document
 
@@ -148,7 +149,7 @@ def _independent(root: Element, notes: list[str]) -> None:
     )
 
 
-def write(description: Description) -> tuple[str, tuple[str, ...]]:
+def write(description: Description) -> Written:
     """URDF+ of a description, and what that does not say, one sentence each."""
     root = urdf_document(description)
     losses: list[str] = []
@@ -177,7 +178,7 @@ def write(description: Description) -> tuple[str, tuple[str, ...]]:
     for joint in named_children(root, "joint"):
         if joint.get("type") != "fixed":
             joint.set("independent", "true" if joint.get("name") in driven else "false")
-    return document_text(root), tuple(losses)
+    return Written(document_text(root), tuple(losses))
 
 
 def _loop_element(closure: LoopClosure) -> Element:

@@ -59,8 +59,11 @@ def compile_text(text: str, file: str | None) -> Compiled:
             "MJCF is read by MuJoCo, which is not installed: pip install 'closedchain[mjcf]'"
         ) from None
     try:
-        spec = mujoco.MjSpec.from_string(text) if file is None else mujoco.MjSpec.from_file(file)
+        named = file is not None and file.endswith(".xml")  # MuJoCo goes by the ending
+        spec = mujoco.MjSpec.from_file(file) if named else mujoco.MjSpec.from_string(text)
         folder = os.path.dirname(file) if file is not None else os.curdir
+        if file is not None and not named:
+            spec.modelfiledir = folder
         meshes, notes = _without_missing_files(spec, folder)
         spec.compiler.boundmass = max(spec.compiler.boundmass, TINY_MASS)
         spec.compiler.boundinertia = max(spec.compiler.boundinertia, TINY_MASS)

@@ -58,7 +58,31 @@ def tree_of(compiled: Compiled) -> Tree:
     tree.links.append(Link(WORLD))
     for body in range(1, model.nbody):
         _add_body(compiled, tree, body)
+    _add_sites(compiled, tree, taken, used)
     return tree
+
+
+def _add_sites(compiled: Compiled, tree: Tree, links: set[str], joints: set[str]) -> None:
+    """Named sites are points of their bodies, but for those at the ends of a loop."""
+    model = compiled.model
+    ends: set[int] = set()
+    for index in range(model.neq):
+        if int(model.eq_objtype[index]) == compiled.mujoco.mjtObj.mjOBJ_SITE:
+            ends |= {int(model.eq_obj1id[index]), int(model.eq_obj2id[index])}
+    for wrap in range(model.nwrap):
+        if int(model.wrap_type[wrap]) == compiled.mujoco.mjtWrap.mjWRAP_SITE:
+            ends.add(int(model.wrap_objid[wrap]))
+    for site in range(model.nsite):
+        name = compiled.name("site", site)
+        if site in ends or not name:
+            continue
+        place = of_quaternion(model.site_quat[site])
+        place[:3, 3] = model.site_pos[site]
+        point = _fresh(name, links)
+        tree.links.append(Link(point))
+        owner = tree.bodies[int(model.site_bodyid[site])]
+        fixed = _fresh(f"{point}_fixed", joints)
+        tree.joints.append(Joint(fixed, "fixed", owner, point, origin_of(place)))
 
 
 def _fresh(wanted: str, taken: set[str]) -> str:

@@ -1,0 +1,50 @@
+"""``closedchain export``, and files of every format as robots of the commands."""
+
+import json
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from closedchain.cli import app
+
+
+def run(*words: object) -> tuple[int, str, str]:
+    result = CliRunner().invoke(app, [str(word) for word in words])
+    return result.exit_code, result.stdout, result.stderr
+
+
+@pytest.mark.parametrize("form", ["urdf", "urdf+", "robot.yaml", "mjcf"])
+def test_a_robot_goes_out_and_every_command_takes_it(form: str, tmp_path: Path) -> None:
+    if form == "mjcf":
+        pytest.importorskip("mujoco")
+    file = tmp_path / "delta.anything"
+    code, out, _ = run("export", "linear_delta", "--format", form, "--out", file)
+    assert code == 0
+    assert out.splitlines()[0] == str(file)
+    code, out, _ = run("info", file, "--json")
+    assert code == 0
+    found = json.loads(out)
+    assert found["mobility"]["mobility"] == 3
+    assert len(found["closures"]) == 5
+    assert isinstance(found["notes"], list)
+    code, out, _ = run("direct", file, "--json")
+    assert code == 0
+
+
+def test_text_goes_to_standard_output_and_notes_do_not(tmp_path: Path) -> None:
+    code, out, err = run("export", "linear_delta", "--format", "urdf")
+    assert code == 0
+    assert out.startswith("<robot")
+    assert out.rstrip().endswith("</robot>")
+    assert "note: " in err
+    code, out, _ = run("export", "linear_delta", "--format", "urdf", "--json")
+    answer = json.loads(out)
+    assert answer["text"].startswith("<robot")
+    assert len(answer["losses"]) == 1
+
+
+def test_an_unknown_format_is_one_line() -> None:
+    code, _, err = run("export", "d1", "--format", "usd")
+    assert code == 1
+    assert "unknown format 'usd'; known: urdf" in err

@@ -1,0 +1,278 @@
+"""A description as MJCF, closed in MuJoCo's own reference posture.
+
+Bodies are written where they are at home, and ``ref`` is the home value of each joint: MuJoCo
+starts closed, and its joint values are those of the description. Loops are equality constraints
+between pairs of sites, which hold in any posture. A hinge is two connects on its axis.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from lxml import etree
+
+from closedchain.urdf.description import (
+    ClosureType,
+    Description,
+    Inertial,
+    Joint,
+    Link,
+    LoopClosure,
+)
+from closedchain.urdf.formats.mjcf.collected import Collected, numbers, set_pose
+from closedchain.urdf.formats.mjcf.equality_writing import add_equalities
+from closedchain.urdf.formats.mjcf.reading import TASK
+from closedchain.urdf.formats.stubs import stub_parts, with_stubs
+from closedchain.urdf.formats.written import Written, listed
+from closedchain.urdf.link_poses import link_poses, moved
+from closedchain.urdf.poses import inverse, pose_of
+from closedchain.urdf.shapes import Shape, shapes_of
+from closedchain.urdf.writing import UNBOUNDED, document_text, urdf_document
+
+if TYPE_CHECKING:
+    from lxml.etree import _Element as Element
+
+_KNOWN: tuple[ClosureType, ...] = ("fixed", "revolute", "spherical", "distance")
+_LEAST_MASS, _LEAST_INERTIA = 1e-3, 1e-6  # of moving bodies that have none [kg, kg m^2]
+
+
+def write(description: Description) -> Written:
+    """MJCF of a description whose home is closed.
+
+    Raises
+    ------
+    DescriptionError
+        A closure that MuJoCo cannot be given.
+    """
+    shapes = shapes_of(urdf_document(description))
+    d, losses = _without_foreign_closures(description)
+    writer = Collected(d, shapes, _balls(d))
+    writer.losses += losses
+    root = etree.Element("mujoco", model=d.name)
+    etree.SubElement(
+        root, "compiler", angle="radian", autolimits="true", balanceinertia="true"
+    ).set("boundinertia", numbers(1e-12))
+    asset = etree.SubElement(root, "asset")
+    world = etree.SubElement(root, "worldbody")
+    _tree(writer, world)
+    _assets(writer, asset)
+    add_equalities(writer, root)
+    actuator = etree.SubElement(root, "actuator")
+    for item in d.inputs:
+        etree.SubElement(actuator, "motor", name=item.name, joint=item.joint)
+    _postures(writer, root)
+    _say_task(d, root)
+    for empty in [e for e in root if not len(e) and e.tag in ("asset", "actuator")]:
+        root.remove(empty)
+    if writer.massless:
+        writer.losses.append(
+            f"MuJoCo needs masses: the moving links {listed(writer.massless)} have none and got "
+            f"{_LEAST_MASS:g} kg"
+        )
+    if d.remarks:
+        writer.losses.append("remarks are not written")
+    writer.losses.append(
+        "limits of effort and speed, collision shapes and friction are not written"
+    )
+    return Written(document_text(root), tuple(writer.losses))
+
+
+def _without_foreign_closures(description: Description) -> tuple[Description, list[str]]:
+    """Description in which every closure is one that MuJoCo has, with empty links where needed."""
+    places = link_poses(description)
+    links, joints = list(description.links), list(description.joints)
+    closures, home, losses = [], dict(description.home), []
+    for closure in description.closures:
+        between = inverse(places[closure.parent]) @ places[closure.child]
+        stubs = with_stubs(closure, between, _KNOWN)
+        if stubs is None:
+            closures.append(closure)
+            continue
+        more, carried = stub_parts(stubs, closure.parent)
+        links += more
+        joints += carried
+        closures.append(stubs.closure)
+        home |= {joint.name: (0.0,) for joint in carried}
+        losses.append(
+            f"the {closure.type} closure {closure.name!r} is written as joints of "
+            f"{listed(link.name for link in more)}, which are empty, and a {stubs.closure.type} one"
+        )
+    found = replace(
+        description,
+        links=tuple(links),
+        joints=tuple(joints),
+        closures=tuple(closures),
+        home=home,
+    )
+    return found, losses
+
+
+def _balls(description: Description) -> dict[str, LoopClosure]:
+    """Floating joints that a spherical closure at their own place holds: balls of the tree."""
+    found = {}
+    for joint in description.joints:
+        for closure in description.closures:
+            if (
+                joint.type == "floating"
+                and closure.type == "spherical"
+                and (closure.parent, closure.child) == (joint.parent, joint.child)
+                and closure.parent_origin.xyz == joint.origin.xyz
+                and closure.child_origin.xyz == (0.0, 0.0, 0.0)
+            ):
+                found[joint.name] = closure
+    return found
+
+
+def _tree(writer: Collected, world: Element) -> None:
+    """Bodies, depth first in the order of MuJoCo; points that carry nothing are sites."""
+    d = writer.description
+    links = {link.name: link for link in d.links}
+    children: dict[str, list[Joint]] = {}
+    for joint in d.joints:
+        children.setdefault(joint.parent, []).append(joint)
+    _body(writer, world, links[d.root], np.eye(4), None)
+    waiting = list(reversed(children.get(d.root, [])))
+    while waiting:
+        joint = waiting.pop()
+        link = links[joint.child]
+        place = pose_of(joint.origin) @ moved(joint, d.home.get(joint.name))
+        bare = not (children.get(link.name) or writer.shapes.get(link.name) or link.inertial)
+        if joint.type == "fixed" and bare:
+            owner, offset = writer.places[joint.parent]
+            writer.site(joint.parent, place, link.name)
+            writer.places[link.name] = owner, offset @ place
+            continue
+        owner, offset = writer.places[joint.parent]
+        free = joint.type == "floating" and joint.name not in writer.balls
+        parent = world if free and joint.parent == d.root else writer.bodies[owner]
+        _body(writer, parent, link, offset @ place, joint)
+        waiting += reversed(children.get(link.name, []))
+
+
+def _body(
+    writer: Collected, parent: Element, link: Link, place: np.ndarray, joint: Joint | None
+) -> None:
+    body = etree.SubElement(parent, "body", name=link.name)
+    set_pose(body, place)
+    writer.bodies[link.name] = body
+    writer.places[link.name] = link.name, np.eye(4)
+    moves = joint is not None and joint.type != "fixed"
+    if joint is not None and moves:
+        _joint(writer, body, joint, parent.tag == "worldbody")
+    if link.inertial is not None and link.inertial.mass > 0.0:
+        _inertial(body, link.inertial)
+    elif moves:
+        etree.SubElement(
+            body,
+            "inertial",
+            pos="0 0 0",
+            mass=numbers(_LEAST_MASS),
+            diaginertia=numbers(*[_LEAST_INERTIA] * 3),
+        )
+        writer.massless.append(link.name)
+    for shape in writer.shapes.get(link.name, ()):
+        _geom(writer, body, shape)
+
+
+def _joint(writer: Collected, body: Element, joint: Joint, in_world: bool) -> None:
+    home = writer.description.home.get(joint.name, (0.0,))
+    if joint.type == "floating":
+        if joint.name in writer.balls:
+            etree.SubElement(body, "joint", name=joint.name, type="ball")
+        elif in_world:
+            etree.SubElement(body, "freejoint", name=joint.name)
+        else:
+            for axis, way in zip("xyz", np.eye(3), strict=True):
+                name = f"{joint.name}_{axis}"
+                etree.SubElement(body, "joint", name=name, type="slide", axis=numbers(*way))
+                writer.order.append(name)
+            etree.SubElement(body, "joint", name=joint.name, type="ball")
+            writer.losses.append(
+                f"the floating joint {joint.name!r} is three slides and a ball: in MuJoCo only "
+                "children of the world are free"
+            )
+        writer.order.append(joint.name)
+        return
+    kind = "slide" if joint.type == "prismatic" else "hinge"
+    element = etree.SubElement(body, "joint", name=joint.name, type=kind, axis=numbers(*joint.axis))
+    if home[0]:
+        element.set("ref", numbers(home[0]))
+    if joint.lower > -math.inf or joint.upper < math.inf:
+        bounds = max(joint.lower, -UNBOUNDED), min(joint.upper, UNBOUNDED)
+        element.set("range", numbers(*bounds))
+    writer.order.append(joint.name)
+
+
+def _inertial(body: Element, inertial: Inertial) -> None:
+    turned = pose_of(inertial.origin)[:3, :3]
+    i = inertial
+    tensor = np.array([[i.ixx, i.ixy, i.ixz], [i.ixy, i.iyy, i.iyz], [i.ixz, i.iyz, i.izz]])
+    t = turned @ tensor @ turned.T
+    full = (t[0, 0], t[1, 1], t[2, 2], t[0, 1], t[0, 2], t[1, 2])
+    etree.SubElement(
+        body,
+        "inertial",
+        pos=numbers(*inertial.origin.xyz),
+        mass=numbers(inertial.mass),
+        fullinertia=numbers(*full),
+    )
+
+
+def _geom(writer: Collected, body: Element, shape: Shape) -> None:
+    geom = etree.SubElement(body, "geom", type=shape.kind, contype="0", conaffinity="0")
+    set_pose(geom, pose_of(shape.origin))
+    if shape.kind == "mesh":
+        key = shape.file, shape.sizes
+        geom.set("mesh", writer.meshes.setdefault(key, f"mesh_{len(writer.meshes) + 1}"))
+    elif shape.kind == "box":
+        geom.set("size", numbers(*(0.5 * size for size in shape.sizes)))
+    elif shape.kind == "sphere":
+        geom.set("size", numbers(*shape.sizes))
+    else:
+        geom.set("size", numbers(shape.sizes[0], 0.5 * shape.sizes[1]))
+    if shape.rgba is not None:
+        geom.set("rgba", numbers(*shape.rgba))
+
+
+def _assets(writer: Collected, asset: Element) -> None:
+    for (file, scale), name in writer.meshes.items():
+        etree.SubElement(asset, "mesh", name=name, file=file, scale=numbers(*scale))
+    if any(file.startswith("package://") for file, _ in writer.meshes):
+        writer.losses.append("MuJoCo knows no package:// of meshes: write their files there")
+
+
+def _postures(writer: Collected, root: Element) -> None:
+    d = writer.description
+    if not d.states:
+        return
+    kinds = {joint.name: joint.type for joint in d.joints}
+    keyframe = etree.SubElement(root, "keyframe")
+    for name, stated in d.states.items():
+        values = {**d.home, **stated}
+        qpos: list[float] = []
+        for joint in writer.order:
+            if kinds.get(joint) != "floating":
+                qpos += values.get(joint, (0.0,))
+                continue
+            x, y, z, qx, qy, qz, qw = values.get(joint, (0.0,) * 6 + (1.0,))
+            qpos += [qw, qx, qy, qz] if joint in writer.balls else [x, y, z, qw, qx, qy, qz]
+        etree.SubElement(keyframe, "key", name=name, qpos=numbers(*qpos))
+    if any(f"{name}_x" in writer.order for name, kind in kinds.items() if kind == "floating"):
+        root.remove(keyframe)
+        writer.losses.append(
+            "named postures are not written, since a floating joint is taken apart"
+        )
+
+
+def _say_task(d: Description, root: Element) -> None:
+    if d.task is None:
+        return
+    said = etree.Element("task", base=d.task.base, tip=d.task.tip)
+    said.set("outputs", " ".join(d.task.outputs))
+    if d.task.length is not None:
+        said.set("length", numbers(d.task.length))
+    custom = etree.SubElement(root, "custom")
+    etree.SubElement(custom, "text", name=TASK, data=etree.tostring(said, encoding="unicode"))
