@@ -60,7 +60,8 @@ def what_dynamics_read(joints: Iterable[Joint], inputs: Iterable[Input]) -> list
     geared = [i for i in inputs if i.reduction != 1.0 or i.rotor_inertia]
     said = [f"<dynamics> of {_names([j.name for j in moved])}"] if moved else []
     said += [f"the motors of {_names([i.name for i in geared])}"] if geared else []
-    lines = [item.line for item in (*moved, *geared) if item.line is not None]
+    at = [*(j.line for j in moved), *(i.line for i in geared)]
+    lines = [line for line in at if line is not None]
     if not said:
         return []
     where = f"line {min(lines)}: " if lines else ""

@@ -58,6 +58,7 @@ if TYPE_CHECKING:
     from closedchain.analysis.structure.topology import structure
     from closedchain.analysis.symbolic import SymbolicSingularities, symbolic_singularities
     from closedchain.analysis.velocity import Velocity, velocity
+    from closedchain.closure.code.exporting import export_code
     from closedchain.closure.exporting import export
     from closedchain.closure.position import direct, inverse
 
@@ -66,6 +67,7 @@ __version__ = "0.1.0"
 # What is asked of a mechanism is imported when it is first asked, so that loading stays quick.
 _LATER = {
     "closure.exporting": "export",
+    "closure.code.exporting": "export_code",
     "closure.position": "direct inverse",
     "analysis.motion.track.stops": "Stop",
     "analysis.acceleration": "Acceleration acceleration",
@@ -155,6 +157,7 @@ __all__ = [
     "dependence",
     "direct",
     "export",
+    "export_code",
     "follow",
     "hessian",
     "input_dynamics",

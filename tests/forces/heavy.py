@@ -45,6 +45,18 @@ def moved(m: cc.Mechanism, step: float = 0.02, seed: int = 1) -> np.ndarray:
     return np.array(cc.direct(m, inputs).raise_if_failed().q)
 
 
+def potential(m: cc.Mechanism, q: np.ndarray, fall: np.ndarray) -> float:
+    """Potential energy [J] of all bodies."""
+    children = {j.name: j.child for j in m.description.joints}
+    names = list(m.model.names)[1:]
+    return float(
+        sum(
+            -i.mass * fall @ m.pose(q, children[name]).act(np.array(i.lever))
+            for name, i in zip(names, list(m.model.inertias)[1:], strict=True)
+        )
+    )
+
+
 def unbalanced(
     m: cc.Mechanism,
     q: np.ndarray,
