@@ -164,7 +164,7 @@ def test_a_killed_process_leaves_a_store_to_go_on_from(
     try:
         deadline = time.monotonic() + 60.0
         while time.monotonic() < deadline and process.poll() is None:
-            if len(list((folder / "journal").glob("*/*.npz"))) >= 2:
+            if len(list((folder / "journal").glob("*/*.find"))) >= 2:
                 break
             time.sleep(0.01)
     finally:

@@ -6,15 +6,24 @@ import hashlib
 import shutil
 import warnings
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from closedchain.analysis.singularity.maps.checksums import CHECKSUMS, CheckedArray, pack, verify
 from closedchain.analysis.singularity.maps.choice import identity
-from closedchain.analysis.singularity.maps.journal import OnDisk
+from closedchain.analysis.singularity.maps.folder import (
+    LOCK,
+    check_inside,
+    damaged,
+    held,
+    release,
+    writing,
+)
+from closedchain.analysis.singularity.maps.journal_folder import JOURNAL, SUMS, OnDisk
 from closedchain.analysis.singularity.maps.labels import array_labels, coordinate_labels, map_labels
 from closedchain.analysis.singularity.maps.spreading import Job
 from closedchain.analysis.singularity.maps.storage import Store, in_zarr
@@ -24,7 +33,8 @@ from closedchain.urdf.errors import ClosureError
 if TYPE_CHECKING:
     import xarray as xr
 
-_REQUEST, _COMPLETE, _JOURNAL = "request", "complete", "journal"
+_REQUEST, _COMPLETE = "request", "complete"
+_TAKEN = (JOURNAL, LOCK, CHECKSUMS, "status", "ends", "joined", "q", "nq", "zarr.json", "c")
 _SAME_START = 1e-9  # m or rad: held values reached on another machine differ by rounding
 
 
@@ -40,32 +50,106 @@ class SavedRun:
 def saved_run(folder: Path, job: Job) -> Iterator[SavedRun | None]:
     """Run over a store, made if need be; None where it is complete. Left in order, it is complete.
 
+    A complete store is only read, and every chunk of it checked. One that is not is held against
+    other processes, and what is in it is checked before any of it is used.
+
     Raises
     ------
     ClosureError
-        The folder holds something else, or another map.
+        The folder holds something else, another map or links; it is damaged, cannot be written
+        to, or another process writes to it.
     """
-    import zarr
-
     request = request_of(job)
-    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        attributes = _attributes(folder)
-        _check_same(folder, attributes[_REQUEST], request)
-        if attributes[_COMPLETE]:
+    _check_names(job)
+    if _is_complete(folder, request):
+        _check_complete(folder, job)
+        yield None
+        return
+    with writing(folder):
+        folder.mkdir(parents=True, exist_ok=True)
+    with held(folder):
+        check_inside(folder)
+        if _is_complete(folder, request):  # another process has got ready meanwhile
+            _check_complete(folder, job)
             yield None
             return
-    else:
+        store, journal = _begun(folder, job, request)
+        yield SavedRun(store, journal)
+        _complete(folder, job, store)
+
+
+def _is_complete(folder: Path, request: dict[str, Any]) -> bool:
+    """Whether a folder holds the whole map.
+
+    Raises
+    ------
+    ClosureError
+        It holds something else, or another map.
+    """
+    if not folder.exists():
+        return False
+    inside = {path.name for path in folder.iterdir()} if folder.is_dir() else {folder.name}
+    if inside <= {LOCK}:
+        return False
+    attributes = _attributes(folder)
+    if not attributes and inside == {LOCK, "zarr.json"}:
+        return False  # just begun
+    if _REQUEST not in attributes or not isinstance(attributes[_REQUEST], dict):
+        raise ClosureError(f"{folder} is there already and holds no map; give another name to save")
+    _check_same(folder, attributes[_REQUEST], request)
+    return attributes.get(_COMPLETE) is True
+
+
+def _begun(folder: Path, job: Job, request: dict[str, Any]) -> tuple[Store, OnDisk]:
+    """Store and journal of a map that is not complete, every chunk checked."""
+    import zarr
+
+    with writing(folder):
         try:
-            folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise ClosureError(f"the map cannot be saved in {folder}: {error}") from None
-        group = zarr.open_group(folder, mode="a")
-        group.update_attributes({_REQUEST: request, _COMPLETE: False})
-    nq = job.grid.start.size
-    names, keep = job.grid.names, job.keep_q
-    store = in_zarr(folder, job.tiles, names, job.measures.every, nq, keep_q=keep)
-    yield SavedRun(store, OnDisk(folder / _JOURNAL))
-    _complete(folder, job, store)
+            group = zarr.open_group(folder, mode="a")
+            group.update_attributes({_REQUEST: request, _COMPLETE: False})
+        except (ValueError, TypeError, KeyError):  # what a decoder thinks of damaged bytes
+            raise damaged(folder / "zarr.json", "is damaged", folder) from None
+        plain = in_zarr(group, folder, job)
+    sums = folder / JOURNAL / SUMS
+    arrays = {
+        name: CheckedArray(array, name, job.tiles, folder, sums / name)
+        for name, array in plain.items()
+    }
+    for array in arrays.values():
+        array.check()
+    journal = OnDisk(folder, job.tiles)
+    if journal.state() is None and any(array.count for array in arrays.values()):
+        raise damaged(folder / JOURNAL, "is damaged or missing", folder)
+    return Store(job.tiles, arrays), journal
+
+
+def _check_names(job: Job) -> None:
+    """Refuse names of coordinates and measures that would be no plain names in the store."""
+    for name in (*job.grid.names, *job.measures.functions):
+        if name.startswith((".", "__")) or set(name) & set("/\\\0") or name in _TAKEN:
+            raise ClosureError(
+                f"a map over {name!r} cannot be saved: {name!r} is no name for a file"
+            )
+
+
+def _check_complete(folder: Path, job: Job) -> None:
+    """Check every number of a complete store, and tidy up where a run was killed at its end."""
+    import zarr
+
+    check_inside(folder)
+    group: Any = zarr.open_group(folder, mode="r")
+    verify(group, in_zarr(group, folder, job), job.tiles, folder)
+    for name, values in zip(job.grid.names, job.grid.values, strict=True):
+        try:
+            same = np.array_equal(group[name][:], values)
+        except Exception:  # whatever a decoder thinks of damaged bytes
+            same = False
+        if not same:
+            raise damaged(folder / name, "is damaged or missing", folder)
+    if (folder / JOURNAL).exists() or "ends" in group:
+        with suppress(OSError):  # it may be read-only
+            _tidy(folder)
 
 
 def opened(folder: Path) -> xr.Dataset:
@@ -107,12 +191,9 @@ def _attributes(folder: Path) -> dict[str, Any]:
     import zarr
 
     try:
-        attributes = dict(zarr.open_group(folder, mode="r").attrs)
-    except (FileNotFoundError, NotADirectoryError, ValueError):
-        attributes = {}
-    if _REQUEST not in attributes:
-        raise ClosureError(f"{folder} is there already and holds no map; give another name to save")
-    return attributes
+        return dict(zarr.open_group(folder, mode="r").attrs)
+    except Exception:  # whatever may be wrong with the folder of another, or with a damaged file
+        return {}
 
 
 def _check_same(folder: Path, old: dict[str, Any], new: dict[str, Any]) -> None:
@@ -135,25 +216,35 @@ def _same(name: str, old: Any, new: Any) -> bool:
 
 
 def _complete(folder: Path, job: Job, store: Store) -> None:
-    """Label the arrays, drop what only the run needed, and say that the store is complete."""
+    """Label the arrays, add their checksums, say that the store is complete, and tidy up."""
     import zarr
 
     grid = job.grid
-    group = zarr.open_group(folder, mode="a")
-    for name, values in zip(grid.names, grid.values, strict=True):
-        array = group.create_array(
-            name, data=np.array(values), dimension_names=(name,), overwrite=True
-        )
-        array.update_attributes(coordinate_labels(grid.chart, name))
-    for name in store.arrays:
-        if name == "ends":
-            if name in group:
-                del group[name]
-        else:
+    with writing(folder):
+        group = zarr.open_group(folder, mode="a")
+        for name, values in zip(grid.names, grid.values, strict=True):
+            array = group.create_array(
+                name, data=np.array(values), dimension_names=(name,), overwrite=True
+            )
+            array.update_attributes(coordinate_labels(grid.chart, name))
+        kept = {name: array for name, array in store.arrays.items() if name != "ends"}
+        for name in kept:
             group[name].update_attributes(array_labels(name, job.measures, grid))
-    group.update_attributes(map_labels(grid, job.measures.outputs))
-    shutil.rmtree(folder / _JOURNAL)
-    group.update_attributes({_COMPLETE: True})
+        pack(group, kept, job.tiles)
+        group.update_attributes(map_labels(grid, job.measures.outputs))
+        group.update_attributes({_COMPLETE: True})
+        _tidy(folder)
+
+
+def _tidy(folder: Path) -> None:
+    """Drop what only the run needed; a run may be killed before or amid this."""
+    import zarr
+
+    group = zarr.open_group(folder, mode="a")
+    if "ends" in group:
+        del group["ends"]
+    shutil.rmtree(folder / JOURNAL, ignore_errors=True)
+    release(folder)
     with warnings.catch_warnings():
         # xarray looks for consolidated metadata, which Zarr's third format has yet to specify
         warnings.simplefilter("ignore")

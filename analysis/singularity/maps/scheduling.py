@@ -4,7 +4,14 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Generator, Iterator
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, ThreadPoolExecutor, wait
+from concurrent.futures import (
+    FIRST_COMPLETED,
+    CancelledError,
+    Executor,
+    Future,
+    ThreadPoolExecutor,
+    wait,
+)
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
@@ -18,11 +25,16 @@ _PATIENCE = 0.2  # seconds between looks at the progress of tiles that are being
 
 @dataclass(frozen=True, eq=False)
 class Crew:
-    """Workers on the tiles of one map."""
+    """Workers on the tiles of one map.
+
+    ``job`` is the Job, or what stands for it at the workers; ``lost`` are the errors that say that
+    workers are gone.
+    """
 
     executor: Executor
-    job: Any  # the Job, or what stands for it at the workers
+    job: Any
     workers: int
+    lost: tuple[type[BaseException], ...] = ()
 
     def run(
         self, tasks: Iterator[Task], waiting: Callable[[int], None]
@@ -31,6 +43,11 @@ class Crew:
 
         ``waiting`` is called often, with the number of cells done in tiles that are not. Tasks
         are taken as workers get free, so that few of them are in memory.
+
+        Raises
+        ------
+        ClosureError
+            The workers are gone.
         """
         pending: dict[Future[Found], Task] = {}
         try:
@@ -41,15 +58,30 @@ class Crew:
                     if task is None:
                         more = False
                         break
-                    pending[self.executor.submit(work, self.job, task)] = task
+                    with self._still_there():
+                        pending[self.executor.submit(work, self.job, task)] = task
                 done, _ = wait(pending, timeout=_PATIENCE, return_when=FIRST_COMPLETED)
                 for future in done:
-                    yield pending.pop(future).tile, future.result()
+                    with self._still_there():
+                        found = future.result()
+                    yield pending.pop(future).tile, found
                 waiting(sum(int(task.signals.done[0]) for task in pending.values()))
         finally:
             for future, task in pending.items():
                 task.signals.stop[0] = 1
                 future.cancel()
+
+    @contextmanager
+    def _still_there(self) -> Iterator[None]:
+        try:
+            yield
+        except self.lost as error:
+            why = f"{type(error).__name__}{f': {error}' if str(error) else ''}"
+            raise ClosureError(
+                "the Dask workers of the map are gone, killed or cut off from their scheduler "
+                f"({why}); what they had found is in the store of a map that is saved, and the "
+                "same call goes on from there"
+            ) from error
 
 
 @contextmanager
@@ -70,7 +102,8 @@ def crew(job: Job, workers: Any = None, client: Any = None) -> Iterator[Crew]:
             raise ClosureError(f"client must be a dask.distributed.Client, got {client!r}")
         threads = max(1, sum(client.nthreads().values()))
         with client.get_executor(pure=False) as executor:
-            yield Crew(executor, client.scatter(job, broadcast=True, hash=False), threads)
+            scattered = client.scatter(job, broadcast=True, hash=False)
+            yield Crew(executor, scattered, threads, _dask_losses())
         return
     count = default_workers() if workers is None else workers
     if isinstance(count, bool) or not isinstance(count, int) or count < 1:
@@ -80,6 +113,14 @@ def crew(job: Job, workers: Any = None, client: Any = None) -> Iterator[Crew]:
         yield Crew(executor, job, count)
     finally:
         executor.shutdown(cancel_futures=True)
+
+
+def _dask_losses() -> tuple[type[BaseException], ...]:
+    from distributed import KilledWorker
+    from distributed.client import ClosedClientError
+    from distributed.comm.core import CommClosedError
+
+    return CancelledError, KilledWorker, CommClosedError, ClosedClientError
 
 
 def default_workers() -> int:

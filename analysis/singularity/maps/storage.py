@@ -10,7 +10,9 @@ from typing import Any
 
 import numpy as np
 
+from closedchain.analysis.singularity.maps.folder import damaged
 from closedchain.analysis.singularity.maps.grid import NONE_FOUND, NOT_CONVERGED, OK, UNSEEN
+from closedchain.analysis.singularity.maps.spreading import Job
 from closedchain.analysis.singularity.maps.tiles import Found, Index, Tiles
 from closedchain.closure.solve.flood import EXPLAINS, STUCK, UNTRIED
 from closedchain.urdf.errors import ClosureError
@@ -136,36 +138,49 @@ def free_memory() -> int:
     return int(os.sysconf("SC_PHYS_PAGES")) * int(os.sysconf("SC_PAGE_SIZE"))
 
 
-def in_zarr(
-    folder: Path,
-    tiles: Tiles,
-    names: tuple[str, ...],
-    measures: Sequence[str],
-    nq: int,
-    *,
-    keep_q: bool,
-) -> Store:
-    """Arrays of a Zarr group in a folder, opened or made; a chunk is a tile."""
+def in_zarr(group: Any, folder: Path, job: Job) -> dict[str, Any]:
+    """Arrays of a map in its Zarr group, made where they are missing; a chunk is a tile.
+
+    Of a group that is opened to be read, those of a complete map.
+
+    Raises
+    ------
+    ClosureError
+        An array that is there is not of this map, or is missing from a complete one.
+    """
     import zarr
 
-    group = zarr.open_group(folder, mode="a")
+    tiles, nq = job.tiles, job.grid.start.size
     kinds: dict[str, tuple[type, float]]
     kinds = {"status": (np.int8, UNSEEN), "ends": (np.int8, UNTRIED), "joined": (np.int8, 0)}
-    kinds |= dict.fromkeys(measures, (np.float64, np.nan))
-    if keep_q:
+    kinds |= dict.fromkeys(job.measures.every, (np.float64, np.nan))
+    if job.keep_q:
         kinds["q"] = (np.float64, np.nan)
+    if group.read_only:
+        del kinds["ends"]
     arrays = {}
     for name, (kind, fill) in kinds.items():
-        if name in group:
-            arrays[name] = group[name]
-            continue
         more = (nq,) if name == "q" else ()
-        arrays[name] = group.create_array(
-            name,
-            shape=(*tiles.shape, *more),
-            chunks=(*tiles.size, *more),
-            dtype=kind,
-            fill_value=fill,
-            dimension_names=(*names, *("nq" for _ in more)),
-        )
-    return Store(tiles, arrays)
+        shape, chunks = (*tiles.shape, *more), (*tiles.size, *more)
+        try:
+            if name not in group and not group.read_only:
+                group.create_array(
+                    name,
+                    shape=shape,
+                    chunks=chunks,
+                    dtype=kind,
+                    fill_value=fill,
+                    dimension_names=(*job.grid.names, *("nq" for _ in more)),
+                )
+            found = arrays[name] = group[name]
+            same = isinstance(found, zarr.Array) and bool(
+                (found.shape, found.chunks, found.dtype) == (shape, chunks, np.dtype(kind))
+                and np.array_equal(found.fill_value, kind(fill), equal_nan=kind is np.float64)
+            )
+        except OSError:
+            raise
+        except Exception:  # whatever a decoder thinks of damaged bytes
+            same = False
+        if not same:
+            raise damaged(folder / name, "is not the array that this map has there", folder)
+    return arrays
