@@ -12,8 +12,10 @@ from itertools import chain
 
 import numpy as np
 
+from closedchain.analysis.singularity.classify import SINGULAR
 from closedchain.analysis.singularity.maps.grid import Progress
 from closedchain.analysis.singularity.sets.bordered import Measure
+from closedchain.analysis.singularity.sets.everywhere import singular_throughout
 from closedchain.analysis.singularity.sets.lattice import Lattice, finer
 from closedchain.analysis.singularity.sets.membership import along, met, reached
 from closedchain.analysis.singularity.sets.seeds import brackets
@@ -164,10 +166,15 @@ def curves_on(
 ) -> SingularitySet:
     """Curves and points of one kind on a lattice; ``check`` them against a grid twice as fine."""
     if is_everywhere(lattice, kind):
-        note = f"every posture of the slice is {kind}ly singular: there is no curve to draw"
-        return collect(
-            lattice.chart, kind, outputs, (), dimension=0, verdict="everywhere", note=note
+        whole = singular_throughout(lattice, kind)
+        verdict = "everywhere" if whole else "none found"
+        note = (
+            f"every posture of the slice is {kind}ly singular: there is no curve to draw"
+            if whole
+            else f"all {kind} singular values of this range are below {SINGULAR:g}, though generic "
+            "postures of the slice are regular: the range is too small to trace curves in it"
         )
+        return collect(lattice.chart, kind, outputs, (), dimension=0, verdict=verdict, note=note)
     tracker = tracker_of(lattice, (kind,), outputs, progress)
     touched: list[Piece] = []
     if kind in lattice.det:
