@@ -14,6 +14,7 @@ from closedchain.closure.mechanism import Mechanism
 from closedchain.closure.rounding.verdict import meant
 from closedchain.urdf.description import Description, ParameterValue
 from closedchain.urdf.errors import DescriptionError, known_names
+from closedchain.urdf.meshes import with_mesh_paths
 
 JointValue = float | Sequence[float]
 
@@ -110,10 +111,11 @@ def mechanism_from_description(
     # the length of the stated posture closes home, whose own length then holds
     found = assembled(mechanism)
     assumed = () if rounding is None else (rounding.text,)
+    _, missing = with_mesh_paths(description)
     closed = mechanism.with_home(found.q, length_at(mechanism, found.q))
     return replace(
         closed,
-        assumed=(*assumed, *_of_home(mechanism, stated, found)),
+        assumed=(*assumed, *_of_home(mechanism, stated, found), *missing),
         rounding=rounding,
         open_by=found.open,
     )
@@ -123,7 +125,7 @@ def refuse_open(mechanism: Mechanism) -> Mechanism:
     """Return the mechanism, or raise ``DescriptionError`` where its home is open."""
     if mechanism.home_open:
         raise DescriptionError(
-            f"the home posture of {mechanism.name!r} cannot be closed: {mechanism.assumed[-1]}; "
+            f"the home posture of {mechanism.name!r} cannot be closed: {mechanism.assumed[0]}; "
             "give parameters that fit, or joint values nearer to closure in <group_state "
             'name="home">'
         )
@@ -133,7 +135,8 @@ def refuse_open(mechanism: Mechanism) -> Mechanism:
 def _of_home(mechanism: Mechanism, stated: np.ndarray, found: Assembled) -> tuple[str, ...]:
     """Sentences on a home that is not where it is stated."""
     if found.open:
-        return (f"home is open, no closed posture was found: it {found.message}",)
+        why = found.message.removeprefix("does not close: ")
+        return (f"no closed posture was found and home is open: {why}",)
     notes = []
     names = mechanism.description.home
     changes = moved(mechanism, stated, found.q)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,8 +9,10 @@ import numpy as np
 import pinocchio as pin
 
 from closedchain.closure import Closure, Mechanism
+from closedchain.robots._visuals import read_visuals
 
-_STICK, _JOINT, _CLOSURE = 0x5A5E66, 0xE6730D, 0x0D8C80
+_STICK, _JOINT, _CLOSURE, _GAP = 0x5A5E66, 0xE6730D, 0x0D8C80, 0xD0021B
+_OPEN = 1e-6  # [m, rad] that a closure which is drawn as open is open by
 
 Fixed = tuple[int, np.ndarray]  # a point (3,) [m] in the frame of a Pinocchio joint
 
@@ -44,13 +44,14 @@ class Bodies:
     """What was drawn.
 
     ``extent`` (n, 3) are points [m] that a picture must show, over all postures; ``size`` [m] is
-    half the diagonal of the box around joints and points, over all postures too.
+    half the diagonal of the box around joints and points, over all postures too. ``notes`` say what
+    is not drawn, and which closures are open.
     """
 
     parts: tuple[Part | Stick, ...]
     extent: np.ndarray
     size: float
-    note: str
+    notes: tuple[str, ...]
 
 
 def joint_poses(mechanism: Mechanism, postures: np.ndarray) -> np.ndarray:
@@ -90,33 +91,17 @@ def frame_point(mechanism: Mechanism, name: str) -> Fixed:
 def draw_bodies(view: Any, mechanism: Mechanism, postures: np.ndarray) -> Bodies:
     """Draw the first of the postures (n, nq) with what is needed to show the others."""
     poses = joint_poses(mechanism, postures)
-    visuals, note = _visuals(mechanism)
+    visuals, notes = read_visuals(mechanism)
     parts, extent = _sticks(view, mechanism, poses, visuals)
+    gaps, open_ = _gaps(view, mechanism, poses, mechanism.workspace.residual(postures[0]))
+    parts += gaps
     size = 0.5 * float(np.linalg.norm(np.ptp(extent.reshape(-1, 3), axis=0))) or mechanism.length
     everything = [extent.reshape(-1, 3)]
     if visuals is not None:
         shapes, corners = _show_visuals(view, mechanism, visuals, postures[0])
         parts += shapes
         everything += [in_world(poses, corner) for corner in corners]
-    return Bodies(tuple(parts), np.vstack(everything), size, note)
-
-
-def _visuals(mechanism: Mechanism) -> tuple[pin.GeometryModel | None, str]:
-    """Shapes of the URDF, or None and the reason why they are not drawn."""
-    if not any(link.visuals for link in mechanism.description.links):
-        return None, "no visuals: drawn as sticks between the joints"
-    try:
-        # Pinocchio's parser knows no capsules
-        text = re.sub(r"<(/?)capsule\b", r"<\1cylinder", mechanism.description.text)
-        model = pin.buildGeomFromUrdfString(mechanism.model, text, pin.GeometryType.VISUAL)
-    except (ValueError, RuntimeError) as error:
-        return None, f"drawn as sticks: the visuals cannot be read ({str(error).strip()[:200]})"
-    for shape in model.geometryObjects:
-        if shape.meshPath:
-            # Its triangles, read and scaled by Pinocchio, are drawn. The file itself would bring
-            # all else that it holds into the page, and images that it names, wherever they lie.
-            shape.meshPath, shape.meshScale = "", np.ones(3)
-    return model, ""
+    return Bodies(tuple(parts), np.vstack(everything), size, (*notes, *open_))
 
 
 def _show_visuals(
@@ -195,7 +180,34 @@ def _sticks(
     return parts, every
 
 
-def _closure_points(closure: Closure) -> Sequence[Fixed]:
+def _gaps(
+    view: Any, mechanism: Mechanism, poses: np.ndarray, rows: np.ndarray
+) -> tuple[list[Part | Stick], tuple[str, ...]]:
+    """Draw what is missing of closures that are open at the first posture; a sentence for each."""
+    import meshcat.geometry as shapes
+
+    parts: list[Part | Stick] = []
+    notes = []
+    material = shapes.MeshLambertMaterial(color=_GAP)
+    for closure, where in zip(mechanism.closures, mechanism.row_slices, strict=True):
+        open_by = float(np.abs(rows[where]).max(initial=0.0))
+        if open_by <= _OPEN:
+            continue
+        notes.append(f"open: closure {closure.describe()} by {open_by:.3g}, drawn in red")
+        if not isinstance(closure, Closure):
+            continue
+        ends = _closure_points(closure)
+        begins, ends_ = (in_world(poses, end) for end in ends)
+        longest = float(np.linalg.norm(ends_ - begins, axis=1).max())
+        if longest > 0.0:
+            node = view["gaps"][closure.name]
+            node.set_object(shapes.Cylinder(longest, 0.02 * mechanism.length), material)
+            node.set_transform(_along(begins[0], ends_[0], longest))
+            parts.append(Stick(node.path.lower(), *ends, longest))
+    return parts, tuple(notes)
+
+
+def _closure_points(closure: Closure) -> tuple[Fixed, Fixed]:
     """Both ends of a closure."""
     return (
         (closure.joint1, np.array(closure.placement1.translation)),

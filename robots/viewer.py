@@ -117,7 +117,7 @@ def static_page(
     texts = [text for item in overlays if isinstance(item, Box) for text in item.labels()]
     return page(
         mechanism.name if title is None else title,
-        _legend(mechanism, [*lines, scene.bodies.note], legend_of(overlays)),
+        _legend(mechanism, [*lines, *scene.bodies.notes], legend_of(overlays)),
         recorder.commands,
         labels(scene.root, texts) + rest,
     )

@@ -185,6 +185,16 @@ def _info_data(mechanism: Mechanism) -> dict[str, Any]:
     }
 
 
+def undrawn(mechanism: Mechanism) -> tuple[str, ...]:
+    """Sentences on what a drawing lacks: meshes that are not found, a closed home."""
+    from closedchain.urdf.meshes import with_mesh_paths
+
+    missing = with_mesh_paths(mechanism.description)[1]
+    if mechanism.home_open:
+        return (*missing, f"home is open by {mechanism.open_by:.3g}")
+    return missing
+
+
 def tip(mechanism: Mechanism, q: np.ndarray) -> dict[str, Any] | None:
     """Pose of the tip, None without a task."""
     import pinocchio as pin

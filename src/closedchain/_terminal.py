@@ -20,6 +20,11 @@ def fail(message: str) -> NoReturn:
     raise typer.Exit(1)
 
 
+def remark(text: str) -> None:
+    """Print a note on stderr, beside what was asked for."""
+    typer.echo(f"note: {text}", err=True)
+
+
 def say(text: str) -> None:
     """Print text as it is."""
     typer.echo(text)

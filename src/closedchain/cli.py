@@ -215,7 +215,7 @@ def view(
 
     upwards = arguments.up_axis(robot, up)
     mechanism = _load(robot, settings, variant, no_xacro)
-    for note in mechanism.assumed:
+    for note in reports.undrawn(mechanism):
         remark(note)
     q = _posture(mechanism, values)
     if html is not None:

@@ -273,7 +273,7 @@ def test_home_that_cannot_be_closed_names_the_closure() -> None:
     m = build("base one two", parts, {})
     assert m.home_open
     assert m.open_by == pytest.approx(3.0)  # stretched towards each other
-    assert "does not close: closure 'loop'" in m.notes[-1]
+    assert "home is open: closure 'loop'" in m.notes[-1]
     with pytest.raises(
         ClosureError, match=r"needs a closed home, and that of 'small' is open by 3"
     ):
