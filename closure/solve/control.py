@@ -15,18 +15,48 @@ import numpy as np
 from closedchain.closure.solve.outcome import Ending
 from closedchain.closure.tape.expression import Expr
 
-CLOSED = 1e-12
+
+@dataclass(frozen=True)
+class Precision:
+    """What following a branch asks of a kind of floating-point number.
+
+    Attributes
+    ----------
+    closed : float
+        Largest row [m or rad] of a posture that counts as closed.
+    settled : float
+        A step this small leaves an error at rounding level.
+    rounding : float
+        Below it steps are rounding: a closed posture does not get any better.
+    pivot : float
+        Dimensionless; below it the system counts as singular.
+    bound : float
+        Least bound of the next step.
+    smallest : float
+        Smallest sub-step, as a share of the longest.
+    """
+
+    closed: float
+    settled: float
+    rounding: float
+    pivot: float
+    bound: float
+    smallest: float
+
+
+DOUBLE = Precision(1e-12, 1e-7, 1e-9, 1e-13, 1e-14, 1e-6)
+SINGLE = Precision(2e-5, 3e-4, 1e-4, 1e-5, 1e-5, 1e-3)
+"""For numbers of 24 binary digits: lengths of metres are closed to some hundredths of a mm."""
+
+CLOSED = DOUBLE.closed
 """Largest row [m or rad] of a posture that counts as closed."""
 
 FIRST_STEP = 0.5  # dimensionless: half the characteristic length, or half a radian
 CONTRACTION = 0.3  # of successive steps: what Newton's method shows well inside its basin
-SETTLED = 1e-7  # a step this small leaves an error at rounding level
-ROUNDING = 1e-9  # below it steps are rounding: a closed posture does not get any better
-PIVOT = 1e-13  # dimensionless: below it the system counts as singular
 ITERATIONS = 12
 LONGEST = 1.0  # of one sub-step, dimensionless: a characteristic length, or a radian
 MOST = 1000  # sub-steps that this bound may ask for
-SMALLEST = 1e-6  # share of the longest sub-step
+SMALLEST = DOUBLE.smallest  # share of the longest sub-step
 
 RUNNING, ASKING = -1.0, -2.0  # status of a lane that goes on, and of one that is to be judged
 STEADY = 0.3  # share that pivots may change by without a judgement of the Jacobian as a whole
@@ -78,7 +108,13 @@ def share(state: dict[str, Expr]) -> Expr:
     return (state["reached"] < 0.0).select(0.0, ahead)
 
 
-def control(state: dict[str, Expr], judged: Judged, longest: Expr, smallest: Expr) -> Decision:
+def control(
+    state: dict[str, Expr],
+    judged: Judged,
+    longest: Expr,
+    smallest: Expr,
+    precision: Precision = DOUBLE,
+) -> Decision:
     """Judge a step of Newton's method; sub-steps are between two shares of the way.
 
     A trial at which the pivots are not steady is judged before it leads anywhere, see ``judge``:
@@ -86,13 +122,13 @@ def control(state: dict[str, Expr], judged: Judged, longest: Expr, smallest: Exp
     """
     running = (state["status"] < 0.0) & (state["status"] > ASKING)
     opening = state["reached"] < 0.0
-    singular = ~(judged.least > PIVOT)
+    singular = ~(judged.least > precision.pivot)
     wrong = judged.det * judged.turn * state["side"] < 0.0
     late = ~(state["count"] < float(ITERATIONS))
-    rounding = (judged.size < ROUNDING) & (judged.closed < CLOSED)
+    rounding = (judged.size < precision.rounding) & (judged.closed < precision.closed)
     short = (judged.size < state["bound"]) | rounding
     refuse = singular | wrong | ~short | late
-    settled = (judged.size < SETTLED) | rounding
+    settled = (judged.size < precision.settled) | rounding
     back = running & refuse
     asks = running & ~refuse & ~opening & ~judged.steady & (state["cleared"] < 0.5)
     take = running & ~refuse & ~asks & settled
@@ -105,7 +141,7 @@ def control(state: dict[str, Expr], judged: Judged, longest: Expr, smallest: Exp
     after = _refused(state, back, longest, smallest, why)
     after["reached"] = take.select(tried, state["reached"])
     after["step"] = take.select(opening.select(longest, doubled), after["step"])
-    shrunk = asks.select(state["bound"], (CONTRACTION * judged.size).max(1e-14))
+    shrunk = asks.select(state["bound"], (CONTRACTION * judged.size).max(precision.bound))
     after["bound"] = (take | back).select(FIRST_STEP, shrunk)
     counted = asks.select(state["count"], state["count"] + 1.0)
     after["count"] = (take | back).select(0.0, counted)

@@ -18,6 +18,7 @@ import pinocchio as pin
 
 from closedchain.closure.solve.control import (
     ASKING,
+    DOUBLE,
     FRESH,
     LONGEST,
     MOST,
@@ -26,6 +27,7 @@ from closedchain.closure.solve.control import (
     STEADY,
     Decision,
     Judged,
+    Precision,
     control,
     judge,
     share,
@@ -38,7 +40,7 @@ from closedchain.closure.tape.elimination import (
 )
 from closedchain.closure.tape.expression import Expr, Graph, Tape
 from closedchain.closure.tape.machine import Compiled, Looped, compiled, looped
-from closedchain.closure.tape.rows import Kinematics, Rows, kinematics
+from closedchain.closure.tape.rows import Entries, Kinematics, Rows, kinematics
 from closedchain.closure.tape.vectors import quaternion
 from closedchain.closure.tape.verified import agree, verify
 
@@ -116,21 +118,41 @@ class Lane:
         out = [decision.good(*x) for x in places] + [decision.trial(*x) for x in places]
         out += [decision.state[name] for name in STATE]
         out += [decision.good(*x) for x in spaces] + [decision.trial(*x) for x in spaces]
-        inputs = 2 * len(self.good) + len(STATE) + 2 * len(self.old) + len(self.parameters)
-        return self.graph.tape([*out, decision.running], inputs)
+        return self.graph.tape([*out, decision.running], self.inputs)
+
+    @property
+    def inputs(self) -> int:
+        """How many numbers go in."""
+        return 2 * len(self.good) + len(STATE) + 2 * len(self.old) + len(self.parameters)
+
+
+@dataclass(frozen=True, eq=False)
+class Asked:
+    """A trial that asks: kept rows of the Jacobian at the last good posture and now, factors now."""
+
+    lane: Lane
+    lu: Elimination
+    before: list[Entries]
+    now: list[Entries]
 
 
 @dataclass(frozen=True, eq=False)
 class Follower:
-    """Machine code of one problem: to follow, to check what was found, to tell where a tip is."""
+    """Tapes of one problem and their machine code: to follow, to check, to tell where a tip is."""
 
     problem: Problem
+    precision: Precision = DOUBLE
 
     # -- the tape of one step ----------------------------------------------------------------------
 
     @cached_property
     def loop(self) -> Looped:
-        """Steps until the end, or until a trial asks to be judged.
+        """Machine code of steps until the end, or until a trial asks to be judged."""
+        return looped(self.step_tape, self.states)
+
+    @cached_property
+    def step_tape(self) -> Tape:
+        """One step of Newton's method, and what becomes of it: the new state, and whether to go on.
 
         State: good posture, trial, ``STATE``, null spaces and pivots at the good posture and at
         the trial.
@@ -152,26 +174,39 @@ class Follower:
         closed = _largest(g, rows, problem.kept)
         steady = _steady(g, pivots, lane.old[self.kernel :])
         judged = Judged(size, closed, lu.determinant(problem.free), turn, lu.least, steady)
-        decision = control(lane.state, judged, longest, lane.parameters[-1])
-        return looped(lane.tape(decision, k.moved(q, step), basis + pivots), self.states)
+        decision = control(lane.state, judged, longest, lane.parameters[-1], self.precision)
+        return lane.tape(decision, k.moved(q, step), basis + pivots)
 
     @cached_property
     def judging(self) -> Looped:
-        """One look at the trials that ask; state and parameters as those of ``loop``."""
+        """Machine code of one look at the trials that ask."""
+        return looped(self.judge_tape, self.states, single=False)
+
+    @cached_property
+    def judge_tape(self) -> Tape:
+        """One look at a trial that asks; state and parameters as those of ``step_tape``."""
+        asked = self.asked()
+        change = relative_change(asked.lu, asked.before, asked.now)
+        return self.judged_tape(asked.lane, change)
+
+    def asked(self) -> Asked:
+        """What a judgement looks at, as expressions."""
         problem, lane = self.problem, Lane.of(self)
-        g = lane.graph
         before, now = (
-            problem.rows_met(Kinematics(problem.mechanism, g, list(q)))
+            problem.rows_met(Kinematics(problem.mechanism, lane.graph, list(q)))
             for q in (lane.good, lane.trial)
         )
-        lu = problem.elimination(g, now, self._sampled())
+        lu = problem.elimination(lane.graph, now, self._sampled())
         kept = problem.kept
-        change = relative_change(
-            lu, [before.entries[r] for r in kept], [now.entries[r] for r in kept]
+        return Asked(
+            lane, lu, [before.entries[r] for r in kept], [now.entries[r] for r in kept]
         )
+
+    def judged_tape(self, lane: Lane, change: Expr) -> Tape:
+        """What becomes of a trial that asks, by the relative change of its Jacobian."""
         _, longest = self._target(lane, share(lane.state))
         decision = judge(lane.state, change, longest, lane.parameters[-1])
-        return looped(lane.tape(decision, lane.trial, lane.new), self.states, single=False)
+        return lane.tape(decision, lane.trial, lane.new)
 
     @property
     def kernel(self) -> int:
@@ -257,6 +292,11 @@ class Follower:
 
     @cached_property
     def check(self) -> Compiled:
+        """Machine code of ``check_tape``."""
+        return compiled(self.check_tape)
+
+    @cached_property
+    def check_tape(self) -> Tape:
         """From q and a target: the largest of all rows [m or rad], and what must not be negative.
 
         Those are the least cosine of joint axes that must not be opposed, that of the direction of
@@ -280,10 +320,15 @@ class Follower:
                 within = within.min(float(upper) - k.q[i])
         largest = _largest(g, rows, range(len(rows.values)))
         outputs_ = [largest, k.least_sense, facing, within]
-        return compiled(g.tape(outputs_, nq + problem.prescribed))
+        return g.tape(outputs_, nq + problem.prescribed)
 
     @cached_property
     def place(self) -> Compiled:
+        """Machine code of ``place_tape``."""
+        return compiled(self.place_tape)
+
+    @cached_property
+    def place_tape(self) -> Tape:
         """From q to the target that it meets: values of pinned joints, poses of frames."""
         problem = self.problem
         k = kinematics(problem.mechanism)
@@ -291,7 +336,7 @@ class Follower:
         for frame, _ in problem.goals:
             (turned, origin), _ = k.named(frame)
             found += [problem.mechanism.length * x for x in origin] + quaternion(turned)
-        return compiled(k.graph.tape(found, problem.mechanism.model.nq))
+        return k.graph.tape(found, problem.mechanism.model.nq)
 
     # -- running -----------------------------------------------------------------------------------
 

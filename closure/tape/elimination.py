@@ -63,6 +63,21 @@ class Elimination:
             product = product * pivot
         return product if sign > 0 else -product
 
+    def numbers(self) -> list[Expr]:
+        """All numbers of the factors, one after the other."""
+        found = [pivot for _, _, pivot in self.pivots]
+        return found + [x for part in (*self.lower, *self.upper) for x in part.values()]
+
+    def renewed(self, graph: Graph, numbers: Sequence[Expr]) -> Elimination:
+        """Return the same factors with their numbers from elsewhere, as ``numbers`` orders them."""
+        rest = iter(numbers)
+        pivots = tuple((row, column, next(rest)) for row, column, _ in self.pivots)
+        lower, upper = (
+            tuple({key: next(rest) for key in part} for part in side)
+            for side in (self.lower, self.upper)
+        )
+        return Elimination(graph, pivots, lower, upper, self.free)
+
     def solve(self, right: Sequence[Expr], free: Sparse | None = None) -> Sparse:
         """x with A x = right (by row), with given values of the free columns (0 by default)."""
         known = dict(free or {})

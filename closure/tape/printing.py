@@ -27,6 +27,8 @@ class Language:
         Names of sin, cos, sqrt and abs.
     least, greatest : str
         Patterns of the smaller and the larger of {0} and {1}; NaN where either is.
+    literal : callable
+        Text of a constant that is not negative.
     """
 
     number: str
@@ -34,6 +36,11 @@ class Language:
     functions: dict[str, str]
     least: str
     greatest: str
+    literal: Callable[[float], str] = repr
+
+    def constant(self, value: float) -> str:
+        """Text of a constant."""
+        return self.literal(value) if value >= 0.0 else f"(-{self.literal(-value)})"
 
     def expression(self, node: Node, names: list[str]) -> str:
         """Right-hand side of an operation on named values."""
@@ -49,7 +56,7 @@ PATTERNS = {
     "sub": "{0} - {1}",
     "mul": "{0} * {1}",
     "neg": "-({0})",
-    "recip": "1.0 / {0}",
+    "recip": "1 / {0}",
     "less": "{0} < {1}",
     "and": "{0} && {1}",
     "or": "{0} || {1}",
@@ -83,7 +90,7 @@ def statements(
 
     for i, node in enumerate(tape.nodes):
         if node[0] == "const":
-            names[i] = repr(float(node[1])) if node[1] >= 0.0 else f"({float(node[1])!r})"
+            names[i] = language.constant(float(node[1]))
     order = depth_first(tape.nodes, tape.outputs)
     used = {k for i in order for k in tape.nodes[i][1:]} | set(tape.outputs)
     for i, node in enumerate(tape.nodes):

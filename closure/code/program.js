@@ -1,0 +1,304 @@
+// == ALWAYS
+function finite(x, count) {
+    return x.length === count && Array.prototype.every.call(x, Number.isFinite);
+}
+
+// Repeat steps of Newton's method on a state until they end; the code of the ending.
+function follow(step, judge, s, p) {
+    const at = 2 * Q;
+    for (let left = MOST_STEPS; left > 0; left = MOST_STEPS - s[at + EVALUATIONS]) {
+        step(s, p, left);
+        if (s[at + STATUS] >= 0) return Math.round(s[at + STATUS]);
+        if (s[at + STATUS] <= ASKING) judge(s, p);
+    }
+    return ENDINGS.BUDGET.code;
+}
+
+function begun(states, from) {
+    const s = new Float64Array(states);
+    s.set(from);
+    s.set(from, Q);
+    s.set(FRESH, 2 * Q);
+    return s;
+}
+
+// Answer for a state that has ended, `told` being what its posture says of itself.
+function answer(s, code, told) {
+    const reached = s[2 * Q + REACHED], e = ENDINGS;
+    let how = Object.values(e).find((ending) => ending.code === code);
+    if (reached < 0) how = how === e.SINGULAR ? e.SINGULAR_START : e.OPEN_START;
+    else if (how === e.ARRIVED) {
+        if (!(told[0] < CLOSED)) how = e.CONTRADICTION;
+        else if (told[1] < 0) how = e.MIRRORED;
+        else if (told[2] < 0) how = e.REVERSED;
+    }
+    return {
+        q: s.slice(0, Q),
+        converged: how === e.ARRIVED,
+        ending: how.word,
+        sentence: how.sentence,
+        reached: Math.max(reached, 0),
+        residual: told[0],
+        withinLimits: told[3],
+    };
+}
+
+function untried(guess) {
+    const {word, sentence} = ENDINGS.UNTRIED;
+    const q = guess && finite(guess, Q) ? Float64Array.from(guess) : Float64Array.from(home);
+    return {q, converged: false, ending: word, sentence, reached: 0, residual: residual(q), withinLimits: withinLimits(q)};
+}
+
+/** Largest of all closure rows at q [m or rad]: how far the loops are from being closed. */
+export function residual(q) {
+    const told = new Float64Array(4);
+    check(q, told);
+    return told[0];
+}
+
+/** How far the joints are within their limits at q, at most 1; negative beyond [m or rad]. */
+export function withinLimits(q) {
+    const told = new Float64Array(4);
+    check(q, told);
+    return told[3];
+}
+
+/** Poses of the bodies behind all joints of the tree, twelve numbers each: axes x, y, z, origin [m]. */
+export function bodies(q) {
+    const found = new Float64Array(12 * BODIES);
+    allBodies(q, found);
+    return found;
+}
+// == DIRECT
+
+/**
+ * Direct position problem: the posture with given inputs, on the assembly branch of a guess.
+ *
+ * The inputs move on a straight line from those of the guess (home without one), in steps that
+ * cannot pass a singularity unnoticed. Returns {q, converged, ending, sentence, reached, residual,
+ * withinLimits}: the posture, or the last good one before the end, and why it ended.
+ */
+export function direct(inputs, guess = null) {
+    const from = guess ?? home, count = INPUT_Q.length;
+    if (!finite(inputs, count) || !finite(from, Q)) return untried(guess);
+    const s = begun(DIRECT_STATES, from), told = new Float64Array(4);
+    const p = Float64Array.of(...INPUT_Q.map((i) => from[i]), ...inputs, SMALLEST);
+    const code = follow(direct_step, direct_judge, s, p);
+    check(s, told);
+    return answer(s, code, told);
+}
+
+/** Inputs at q. */
+export function inputsOf(q) {
+    return Float64Array.from(INPUT_Q, (i) => q[i]);
+}
+// == INVERSE
+
+/**
+ * Inverse position problem: a posture with the tip at a pose, on the branch of a guess.
+ *
+ * A pose is x y z [m] and a unit quaternion x y z w; components that are no outputs are not used.
+ * The tip's origin moves on a straight line, its rotation about a fixed axis. Returns what `direct`
+ * returns.
+ */
+export function inverse(pose, guess = null) {
+    const from = guess ?? home;
+    if (!finite(pose, POSE) || !finite(from, Q)) return untried(guess);
+    const norm = Math.hypot(...Array.from(pose).slice(3));
+    if (!(Math.abs(norm - 1) < 1e-3)) return untried(guess);
+    const s = begun(INVERSE_STATES, from), told = new Float64Array(4);
+    const wanted = Float64Array.from(pose, (x, i) => (i < 3 ? x : x / norm));
+    const p = Float64Array.of(...tip(from), ...wanted, SMALLEST);
+    const code = follow(inverse_step, inverse_judge, s, p);
+    inverse_check(Float64Array.of(...s.subarray(0, Q), ...wanted), told);
+    return answer(s, code, told);
+}
+
+/** Pose of the tip in the world at q: x y z [m] and a unit quaternion x y z w. */
+export function tip(q) {
+    const found = new Float64Array(POSE);
+    tipPose(q, found);
+    return found;
+}
+// == MEASURE
+
+// K = L U by Gaussian elimination with complete pivoting, in place; the order of the columns and
+// the rank, at most the generic one.
+function factors(a) {
+    const order = Array.from({length: V}, (_, j) => j);
+    let first = 0;
+    for (let k = 0; k < K_RANK; ++k) {
+        let best = 0, row = k, column = k;
+        for (let i = k; i < ROWS; ++i)
+            for (let j = k; j < V; ++j)
+                if (Math.abs(a[i][j]) > best) [best, row, column] = [Math.abs(a[i][j]), i, j];
+        if (k === 0) first = best;
+        if (!(best > RANK_LOST * first)) return {order, rank: k};
+        [a[k], a[row]] = [a[row], a[k]];
+        for (const one of a) [one[k], one[column]] = [one[column], one[k]];
+        [order[k], order[column]] = [order[column], order[k]];
+        for (let i = k + 1; i < ROWS; ++i) {
+            const factor = a[i][k] / a[k][k];
+            a[i][k] = factor;
+            for (let j = k + 1; j < V; ++j) a[i][j] -= factor * a[k][j];
+        }
+    }
+    return {order, rank: K_RANK};
+}
+
+// Closed motions: a basis of ker K.
+function kernel(a, {order, rank}) {
+    return Array.from({length: V - rank}, (_, t) => {
+        const x = new Float64Array(V);
+        x[order[rank + t]] = 1;
+        for (let k = rank - 1; k >= 0; --k) {
+            let value = -a[k][rank + t];
+            for (let j = k + 1; j < rank; ++j) value -= a[k][j] * x[order[j]];
+            x[order[k]] = value / a[k][k];
+        }
+        return x;
+    });
+}
+
+function inner(a, b) {
+    let sum = 0;
+    for (let i = 0; i < a.length; ++i) sum += a[i] * b[i];
+    return sum;
+}
+
+const along = (m, motions) => motions.map((x) => Float64Array.from(m, (row) => inner(row, x)));
+const inputsIn = (motions) => motions.map((x) => Float64Array.from(INPUT_V, (v) => x[v]));
+
+// Make vectors y orthonormal (Gram and Schmidt, twice), and vectors x by the same steps.
+function orthonormal(y, x) {
+    const less = (a, b, share) => {
+        for (let i = 0; i < a.length; ++i) a[i] -= share * b[i];
+    };
+    y.forEach((one, t) => {
+        for (let s = 0; s < 2 * t; ++s) {
+            const share = inner(one, y[s % t]);
+            less(one, y[s % t], share);
+            less(x[t], x[s % t], share);
+        }
+        const length = Math.sqrt(inner(one, one)), scale = length > 0 ? 1 / length : 0;
+        for (const vector of [one, x[t]])
+            for (let i = 0; i < vector.length; ++i) vector[i] *= scale;
+    });
+}
+
+// Singular values of columns a, falling, by Jacobi's rotations from one side (Hestenes 1958);
+// columns b turn along.
+function singularValues(a, b) {
+    for (let sweep = 0, turned = true; turned && sweep < 40; ++sweep) {
+        turned = false;
+        for (let s = 0; s < a.length; ++s)
+            for (let t = s + 1; t < a.length; ++t) {
+                const p = inner(a[s], a[s]), q = inner(a[t], a[t]), r = inner(a[s], a[t]);
+                if (!(Math.abs(r) > EPSILON * Math.sqrt(p) * Math.sqrt(q))) continue;
+                const z = (q - p) / (2 * r), w = 1 / (Math.abs(z) + Math.sqrt(1 + z * z));
+                const tangent = z < 0 ? -w : w, c = 1 / Math.sqrt(1 + tangent * tangent);
+                for (const side of [a, b])
+                    for (let k = 0; side.length && k < side[s].length; ++k) {
+                        const kept = side[s][k];
+                        side[s][k] = c * (kept - tangent * side[t][k]);
+                        side[t][k] = c * (tangent * kept + side[t][k]);
+                    }
+                turned = true;
+            }
+    }
+    const values = a.map((x) => Math.sqrt(inner(x, x)));
+    const order = values.map((_, i) => i).sort((i, j) => values[j] - values[i]);
+    for (const side of [values, a, b])
+        if (side.length) side.splice(0, side.length, ...order.map((i) => side[i]));
+    return values;
+}
+
+// Singular value by its number in falling order; 1 for none, 0 for one that is not there.
+const numberedValue = (values, size, number) =>
+    number === 0 ? 1 : number > Math.min(values.length, size) ? 0 : values[number - 1];
+
+// Determinant of a square matrix, overwritten; largest pivot of each column.
+function determinant(a) {
+    let product = 1;
+    for (let k = 0; k < a.length; ++k) {
+        let best = k;
+        for (let i = k + 1; i < a.length; ++i)
+            if (Math.abs(a[i][k]) > Math.abs(a[best][k])) best = i;
+        if (!(Math.abs(a[best][k]) > 0)) return 0;
+        if (best !== k) {
+            [a[k], a[best]] = [a[best], a[k]];
+            product = -product;
+        }
+        product *= a[k][k];
+        for (let i = k + 1; i < a.length; ++i) {
+            const factor = a[i][k] / a[k][k];
+            for (let j = k; j < a.length; ++j) a[i][j] -= factor * a[k][j];
+        }
+    }
+    return product;
+}
+
+const copied = (rows) => rows.map((row) => Array.from(row));
+
+// det K_p and det [K; J]; of redundant rows with the rows of K made independent.
+function determinants(closures, task, lu, at) {
+    if (ROWS === K_RANK)
+        return {
+            direct: DET_DIRECT ? determinant(closures.map((row) => PASSIVE.map((v) => row[v]))) : null,
+            inverse: DET_INVERSE ? determinant(copied([...closures, ...task])) : null,
+        };
+    const found = {direct: DET_DIRECT ? 0 : null, inverse: DET_INVERSE ? 0 : null};
+    if (at.rank < K_RANK) return found;
+    const lower = Array.from({length: K_RANK}, (_, i) =>
+        lu.map((row, r) => (r < i ? 0 : r === i ? 1 : row[i])));
+    const upper = Array.from({length: K_RANK}, (_, i) =>
+        Array.from(lu[i], (x, j) => (j < i ? 0 : x / lu[i][i])));
+    let volume = 1;
+    for (const side of [lower, upper]) {
+        const square = determinant(side.map((x) => side.map((y) => inner(x, y))));
+        volume *= Math.sqrt(Math.max(square, 0));
+    }
+    for (let i = 0; i < K_RANK; ++i) volume *= Math.abs(lu[i][i]);
+    const motions = kernel(lu, at);
+    orthonormal(motions.map((x) => x.slice()), motions);
+    if (DET_INVERSE) found.inverse = volume * determinant(along(task, motions));
+    if (!DET_DIRECT) return {...found, inverse: DET_INVERSE ? Math.abs(found.inverse) : null};
+    const side = ORDER * determinant(inputsIn(motions));
+    found.direct = volume * Math.abs(side);
+    if (side < 0 && DET_INVERSE) found.inverse = -found.inverse;
+    return found;
+}
+
+/**
+ * First-order kinematics of a closed posture.
+ *
+ * Returns {known, twistMap, sigmaDirect, sigmaInverse, detDirect, detInverse}: whether the inputs
+ * determine the tip's motion; rates of the outputs [m/s, rad/s] for rates of the inputs, a row for
+ * each output (null where not known); the least singular values, zero at direct and inverse
+ * singularities; determinants, whose signs and zeros mean something (null where there is none).
+ * null where q is not closed, or where K loses more than six ranks.
+ */
+export function measure(q) {
+    if (!finite(q, Q) || !(residual(q) < OPEN_ABOVE)) return null;
+    const flat = new Float64Array((ROWS + OUTPUTS + RATES) * V);
+    allMatrices(q, flat);
+    const row = (i) => Array.from(flat.subarray(i * V, (i + 1) * V));
+    const rows = Array.from({length: ROWS + OUTPUTS + RATES}, (_, i) => row(i));
+    const closures = rows.slice(0, ROWS), task = rows.slice(ROWS, ROWS + OUTPUTS);
+    const lu = copied(closures), at = factors(lu), count = V - at.rank;
+    if (count > MOST_MOTIONS) return null;
+    const dets = determinants(closures, task, lu, at), motions = kernel(lu, at);
+    orthonormal(along(rows.slice(ROWS + OUTPUTS), motions), motions);
+    const a = inputsIn(motions), t = along(task, motions), driven = DRIVEN + count;
+    const sigmaInverse = numberedValue(singularValues(t.map((x) => x.slice()), []), OUTPUTS, PRODUCED);
+    const values = singularValues(a, t);
+    const sigmaDirect = numberedValue(values, INPUT_V.length, driven);
+    const known = sigmaDirect > RANK_LOST && driven <= count;
+    const entry = (o, i) => {
+        let sum = 0;
+        for (let k = 0; k < driven; ++k) sum += (t[k][o] / values[k]) * (a[k][i] / values[k]);
+        return (sum * OUTPUT_UNIT[o]) / INPUT_UNIT[i];
+    };
+    const twistMap = known ? OUTPUT_UNIT.map((_, o) => INPUT_UNIT.map((_, i) => entry(o, i))) : null;
+    return {known, twistMap, sigmaDirect, sigmaInverse, detDirect: dets.direct, detInverse: dets.inverse};
+}
