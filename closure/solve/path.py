@@ -128,7 +128,7 @@ class Lane:
 
 @dataclass(frozen=True, eq=False)
 class Asked:
-    """A trial that asks: kept rows of the Jacobian at the last good posture and now, factors now."""
+    """A trial that asks: kept rows of the Jacobian at the last good posture and now, factors."""
 
     lane: Lane
     lu: Elimination
@@ -198,9 +198,7 @@ class Follower:
         )
         lu = problem.elimination(lane.graph, now, self._sampled())
         kept = problem.kept
-        return Asked(
-            lane, lu, [before.entries[r] for r in kept], [now.entries[r] for r in kept]
-        )
+        return Asked(lane, lu, [before.entries[r] for r in kept], [now.entries[r] for r in kept])
 
     def judged_tape(self, lane: Lane, change: Expr) -> Tape:
         """What becomes of a trial that asks, by the relative change of its Jacobian."""

@@ -48,3 +48,25 @@ def test_an_unknown_format_is_one_line() -> None:
     code, _, err = run("export", "d1", "--format", "usd")
     assert code == 1
     assert "unknown format 'usd'; known: urdf" in err
+
+
+def test_programs(tmp_path: Path) -> None:
+    folder = tmp_path / "made" / "here"
+    code, out, _ = run("export", "linear_delta", "--c", folder, "--number", "float")
+    assert code == 0
+    assert [Path(line).name for line in out.splitlines()] == [
+        "linear_delta.h", "linear_delta.c", "linear_delta_test.c"
+    ]  # fmt: skip
+    assert "typedef float linear_delta_real;" in (folder / "linear_delta.h").read_text()
+    code, out, _ = run("export", "linear_delta", "--js", folder, "--name", "delta", "--json")
+    assert code == 0
+    (path,) = json.loads(out)["files"]
+    assert "export function direct(" in Path(path).read_text()
+
+
+@pytest.mark.parametrize("words", [(), ("--c", "a", "--js", "b"), ("--c", "a", "--format", "urdf")])
+def test_one_thing_is_exported_at_a_time(words: tuple[str, ...]) -> None:
+    code, _, err = run("export", "linear_delta", *words)
+    assert code == 1
+    assert "one of --format, --c and --js" in err
+    assert len(err.splitlines()) == 1
