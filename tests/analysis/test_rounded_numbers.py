@@ -1,0 +1,304 @@
+"""Overconstrained mechanisms with rounded numbers load, move and solve as the exact ones do."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import linkages
+import numpy as np
+import pinocchio as pin
+import point_linkages
+import pytest
+from conftest import Tolerances
+from rounded_files import rounded_urdf
+
+import closedchain as cc
+from closedchain.closure.build import as_stated
+from closedchain.closure.rounding.sensitivity import Sensitivity
+from closedchain.urdf import digits, read
+
+HINGE = '<limit lower="-7" upper="7" effort="1" velocity="1"/>'
+
+
+def quarter_turned(turn: str, third: str = "0.20") -> str:
+    """Four-bar in the x-z plane whose rocker's branch is turned by a quarter, written ``turn``."""
+
+    def joint(name: str, parent: str, child: str, origin: str, axis: str) -> str:
+        return (
+            f'<joint name="{name}" type="revolute"><parent link="{parent}"/><child link="{child}"/>'
+            f'<origin {origin}/><axis xyz="{axis}"/>{HINGE}</joint>'
+        )
+
+    return (
+        '<robot name="rounded"><link name="ground"/><link name="crank"/><link name="coupler"/>'
+        '<link name="rocker"/>'
+        + joint("A", "ground", "crank", 'xyz="0 0 0"', "0 -1 0")
+        + joint("B", "crank", "coupler", 'xyz="0.10 0 0"', "0 -1 0")
+        + joint("D", "ground", "rocker", f'xyz="0.30 0 0" rpy="{turn} 0 0"', "0 0 1")
+        + '<constraint name="C" type="revolute"><parent link="coupler"/>'
+        '<parent_origin xyz="0.25 0 0"/><parent_axis xyz="0 1 0"/><child link="rocker"/>'
+        f'<child_origin xyz="{third} 0 0"/><child_axis xyz="0 0 -1"/></constraint>'
+        '<transmission name="q1"><joint name="A"/></transmission>'
+        '<task base="ground" tip="coupler" outputs="ry"/>'
+        '<group_state name="home"><joint name="A" value="1.0"/><joint name="B" value="-0.6"/>'
+        '<joint name="D" value="1.7"/></group_state></robot>'
+    )
+
+
+# circles about the crank's end and the rocker's foot, by hand
+B, D = -0.5245106, 1.6895884
+
+
+@pytest.mark.parametrize("turn", ["1.5708", "1.570796", "1.571", "1.57"])
+def test_a_quarter_turn_of_few_digits_is_one(turn: str, tol: Tolerances) -> None:
+    m = cc.load_urdf(quarter_turned(turn))
+    off = abs(float(turn) - math.pi / 2)
+    assert not m.home_open
+    assert 0.3 * off < m.misfit < 2.0 * off
+    assert m.home.tolist() == pytest.approx([1.0, B, D], abs=1e-7)
+    assert np.abs(cc.residual(m, m.home)).max() < tol.closure
+    assert cc.mobility(m).mobility == 1
+    assert m.rounding is not None
+    (change,) = m.rounding.changed
+    assert (change.where, change.read) == ("D origin rpy", pytest.approx(math.pi / 2, abs=1e-15))
+    assert (m.rounding.kept, m.rounding.redundant) == ((0, 1), (2, 3, 4))
+    assert m.rounding.rank.above > 0.5
+    assert m.rounding.rank.below < 3.0 * off
+    assert any("the numbers are rounded" in note for note in m.notes)
+    s = cc.direct(m, [1.4]).raise_if_failed()
+    assert s.residual < tol.closure
+
+
+def test_a_mobility_that_rounding_would_take_away_in_silence(tol: Tolerances) -> None:
+    """With a ball in place of a hinge the loop closes whatever is rounded, but would stand still."""
+    start, end = quarter_turned("1.5708").split('<constraint name="C" type="revolute">')
+    end = end.replace('<parent_axis xyz="0 1 0"/>', "").replace('<child_axis xyz="0 0 -1"/>', "")
+    text = f'{start}<constraint name="C" type="spherical">{end}'
+    taken = cc.load_urdf(text, tolerance=0.0)
+    assert (taken.home_open, cc.mobility(taken).mobility) == (False, 0)
+    m = cc.load_urdf(text)
+    assert cc.mobility(m).mobility == 1
+    assert 0.0 < m.misfit < 5e-6
+    assert cc.direct(m, [1.3]).raise_if_failed().residual < tol.closure
+
+
+def test_exact_numbers_are_never_touched() -> None:
+    text = quarter_turned(repr(math.pi / 2))
+    m = cc.load_urdf(text)
+    assert (m.rounding, m.misfit) == (None, 0.0)
+    assert m.description.joints == read(text).joints
+
+
+def test_tolerance_zero_takes_numbers_as_they_stand() -> None:
+    m = cc.load_urdf(quarter_turned("1.5708"), tolerance=0.0)
+    assert m.home_open
+    assert m.open_by == pytest.approx(3.5e-6, rel=0.3)
+    with pytest.raises(cc.DescriptionError, match="tolerance must be a length"):
+        cc.load_urdf(quarter_turned("1.5708"), tolerance=-1.0)
+
+
+def test_what_is_off_by_more_than_rounding_is_contradictory() -> None:
+    """A rocker's foot a tenth of a millimetre out of the plane is no rounding of three digits."""
+    text = quarter_turned(repr(math.pi / 2)).replace('"0.30 0 0"', '"0.30 0.0001 0"')
+    m = cc.load_urdf(text, tolerance=1e-5)
+    assert m.rounding is None
+    assert m.open_by == pytest.approx(1e-4, rel=0.1)
+    wide = cc.load_urdf(text, tolerance=3e-4)
+    assert not wide.home_open
+    assert wide.misfit == pytest.approx(1e-4, rel=0.1)
+    assert cc.mobility(wide).mobility == 1
+
+
+def test_rigid_is_told_from_rounded() -> None:
+    """Hinges that are a degree from parallel hold a loop fast; rounded ones do not."""
+    tilted = repr(math.pi / 2 + math.radians(1.0))
+    m = cc.load_urdf(quarter_turned(tilted), tolerance=1e-6)
+    assert m.home_open  # with rigid loops no posture near the stated one is closed
+    assert m.rounding is None
+    truss = linkages.truss()
+    text = rounded_urdf(truss.description, 5, np.random.default_rng(2), values(truss))
+    loaded = cc.load_urdf(text)
+    assert cc.mobility(loaded).mobility == 0
+    assert not loaded.home_open
+    assert 0.0 < loaded.misfit < 1e-4
+
+
+# -- every overconstrained mechanism at hand -------------------------------------------------------
+
+
+def spherical_four_bar() -> cc.Mechanism:
+    """Four hinges through one point: links of 40, 70, 60 and 80 degrees."""
+    arcs = [math.radians(x) for x in (40.0, 70.0, 60.0, 80.0)]
+    one = 1.0
+    joints = [
+        linkages.J("A", "base", "crank"),
+        linkages.J("B", "crank", "coupler", rpy=f"{arcs[0]!r} 0 0"),
+        linkages.J("D", "base", "rocker", rpy=f"{arcs[3]!r} 0 0"),
+        linkages.J("b", "coupler", "b_end", rpy=f"{arcs[1]!r} 0 0", type="fixed"),
+        linkages.J("c", "rocker", "c_end", rpy=f"{arcs[2]!r} 0 0", type="fixed"),
+    ]
+    cut = linkages.Cut("C", "b_end", "c_end", "0 0 0.2", "0 0 0.2")
+    return linkages.load(
+        "spherical_four_bar",
+        joints,
+        [cut],
+        inputs={"q1": "A"},
+        home={"A": one, "B": 1.5, "D": 1.5},
+        tip="coupler",
+        outputs="rx ry rz",
+    )
+
+
+def agile_eye() -> cc.Mechanism:
+    """Three legs of three hinges through one point, all at right angles at home."""
+    e = np.eye(3)
+
+    def words(x: np.ndarray) -> str:
+        return " ".join(map(repr, x.tolist()))
+
+    joints, cuts = [], []
+    for leg in range(3):
+        first, second, third = (0.1 * e[(leg + k) % 3] for k in range(3))
+        a, b = f"a{leg}", f"b{leg}"
+        joints += [
+            linkages.J(f"u{leg}", "base", a, words(first), words(10.0 * first)),
+            linkages.J(f"w{leg}", a, b, words(second - first), words(10.0 * second)),
+        ]
+        if leg == 0:
+            joints.append(
+                linkages.J("v0", b, "platform", words(third - second), words(10.0 * third))
+            )
+            origin = third
+        else:
+            cuts.append(
+                linkages.Cut(
+                    f"v{leg}",
+                    b,
+                    "platform",
+                    words(third - second),
+                    words(third - origin),
+                    axis=words(10.0 * third),
+                    child_axis=words(10.0 * third),
+                )
+            )
+    return linkages.load(
+        "agile_eye",
+        joints,
+        cuts,
+        inputs={f"q{leg}": f"u{leg}" for leg in range(3)},
+        tip="platform",
+        outputs="rx ry rz",
+    )
+
+
+def values(m: cc.Mechanism) -> dict[str, tuple[float, ...]]:
+    joints = list(zip(m.model.names, m.model.joints, strict=True))[1:]
+    return {name: tuple(m.home[j.idx_q : j.idx_q + j.nq]) for name, j in joints}
+
+
+QUICK: dict[str, Callable[[], cc.Mechanism]] = {
+    "four_bar": linkages.four_bar,
+    "six_bar": lambda: linkages.six_bar("A"),
+    "three_rrr": linkages.three_rrr,
+    "parallelogram": linkages.parallelogram,
+    "wedges": linkages.wedges,
+    "bennett": linkages.bennett,
+    "five_bar": linkages.five_bar,
+    "arm_with_parallelogram": linkages.arm_with_parallelogram,
+    "slider_crank": point_linkages.slider_crank,
+    "spherical_four_bar": spherical_four_bar,
+    "agile_eye": agile_eye,
+}
+
+
+def check(exact: cc.Mechanism, decimals: int, seed: int, tol: Tolerances) -> None:
+    """The rounded file is understood, closes, moves as much, and follows its inputs."""
+    text = rounded_urdf(exact.description, decimals, np.random.default_rng(seed), values(exact))
+    m = cc.load_urdf(text, xacro=False)
+    assert not m.home_open, m.notes
+    unit = 10.0**-decimals
+    assert m.rounding is not None
+    assert 0.01 * unit < m.misfit < 100.0 * unit
+    assert max(change.off for change in m.rounding.changed) < 11.0 * unit
+    expected = cc.mobility(exact)
+    found = cc.mobility(m)
+    assert (found.mobility, found.redundant_rows) == (expected.mobility, expected.redundant_rows)
+    assert len(m.rounding.redundant) == expected.redundant_rows
+    assert m.rounding.rank.gap > 50.0
+    assert np.abs(cc.residual(m, m.home)).max() < tol.closure
+    step = 0.05 * m.column_scale[m.input_v]
+    s = cc.direct(m, m.input_values(m.home) + step).raise_if_failed()
+    as_exact = cc.direct(exact, exact.input_values(exact.home) + step).raise_if_failed()
+    # joint values mean the same in both; rounding is amplified by the mechanism, not without bound
+    assert np.abs(joint_values(m, s.q) - joint_values(exact, as_exact.q)).max() < 3e3 * unit
+
+
+def joint_values(m: cc.Mechanism, q: np.ndarray) -> np.ndarray:
+    return np.array([q[j.idx_q] for j in list(m.model.joints)[1:] if j.nq == 1])
+
+
+@pytest.mark.parametrize("decimals", [8, 6, 5])
+@pytest.mark.parametrize("name", QUICK)
+def test_overconstrained_linkages(name: str, decimals: int, tol: Tolerances) -> None:
+    check(QUICK[name](), decimals, 7 * decimals, tol)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("decimals", [8, 6, 5])
+@pytest.mark.parametrize("name", ["rpa3t", "linear_delta"])
+def test_overconstrained_robots(name: str, decimals: int, tol: Tolerances) -> None:
+    check(cc.load(name), decimals, decimals, tol)
+
+
+@pytest.mark.parametrize("name", ["d1", "eclipse", "rus6"])
+def test_robots_without_redundant_rows_are_taken_as_they_stand(name: str) -> None:
+    exact = cc.load(name)
+    text = rounded_urdf(exact.description, 5, np.random.default_rng(1), values(exact))
+    m = cc.load_urdf(text, xacro=False)
+    assert m.rounding is None
+    assert not m.home_open
+    assert cc.mobility(m).mobility == cc.mobility(exact).mobility
+
+
+# -- the parts -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["rpa3t", "d1", "eclipse2"])
+def test_sensitivity_is_the_derivative(name: str, tol: Tolerances) -> None:
+    exact = cc.load(name)
+    text = rounded_urdf(exact.description, 12, np.random.default_rng(3), values(exact))
+    m = as_stated(read(text))
+    numbers = digits.numbers(m.description)
+    rng = np.random.default_rng(0)
+    q = pin.integrate(m.model, m.home, 0.3 * rng.standard_normal(m.model.nv))
+    found = Sensitivity(m, numbers).at(q)
+    printed = np.array([number.value for number in numbers])
+    h = 1e-6
+    for i in range(0, len(numbers), 7):
+        rows = []
+        for sign in (1.0, -1.0):
+            moved = printed.copy()
+            moved[i] += sign * h
+            other = as_stated(digits.with_numbers(m.description, numbers, moved))
+            rows.append(other.workspace.residual(q) / m.row_scale)
+        difference = (rows[0] - rows[1]) / (2.0 * h)
+        if numbers[i].part in ("parent_axis", "child_axis"):
+            continue  # the frame turns about its own axis too, which does not count
+        assert np.abs(difference - found[:, i]).max() < tol.finite_difference * 10.0
+
+
+def test_units_of_printed_numbers() -> None:
+    for word, unit in {
+        "1.5708": 1e-4,
+        "-0.70711": 1e-5,
+        "0.3": 0.0,
+        "0.125": 0.0,
+        "12": 0.0,
+        "0.300000": 1e-6,
+        "1.2345e-3": 1e-7,
+        "1.5707963267948966": 0.0,
+        "6.123233995736766e-17": 0.0,
+    }.items():
+        assert digits.last_digit(word) == pytest.approx(unit, abs=0.0), word
+    assert digits.last_digit("0.707", digits.COARSE_AXIS) == pytest.approx(1e-3)
