@@ -70,13 +70,11 @@ def test_a_quarter_turn_of_few_digits_is_one(turn: str, tol: Tolerances) -> None
     assert s.residual < tol.closure
 
 
-def test_a_mobility_that_rounding_would_take_away_in_silence(tol: Tolerances) -> None:
-    """With a ball in place of a hinge the loop closes whatever is rounded, but would stand still."""
+def test_a_mobility_that_rounding_takes_away_though_the_count_is_right(tol: Tolerances) -> None:
+    """With a ball in place of a hinge there are as many rows as joints, and nothing would move."""
     start, end = quarter_turned("1.5708").split('<constraint name="C" type="revolute">')
     end = end.replace('<parent_axis xyz="0 1 0"/>', "").replace('<child_axis xyz="0 0 -1"/>', "")
     text = f'{start}<constraint name="C" type="spherical">{end}'
-    taken = cc.load_urdf(text, tolerance=0.0)
-    assert (taken.home_open, cc.mobility(taken).mobility) == (False, 0)
     m = cc.load_urdf(text)
     assert cc.mobility(m).mobility == 1
     assert 0.0 < m.misfit < 5e-6
