@@ -38,15 +38,14 @@ class Assembled:
 def assembled(mechanism: Mechanism) -> Assembled:
     """Closed posture nearest to the stated home, within the limits where there is one.
 
-    First with the inputs where they are stated (all of them where nothing is): beside the stated
-    posture, then from the same starts around it and with angles anywhere, of which the nearest
-    counts. Then with inputs free, the last one first. Where nothing closes, the least open posture
-    that was met.
+    First with the inputs where they are: beside the stated posture, then from the same starts
+    around it and with angles anywhere, of which the nearest counts. Then with inputs free, the last
+    one first. Where nothing closes, the least open posture that was met.
     """
     guess = mechanism.home
     if not mechanism.closures:
         return Assembled(guess)
-    held, everything = _held(mechanism), np.arange(mechanism.model.nv)
+    held, everything = mechanism.input_v, np.arange(mechanism.model.nv)
     tried: list[Solution] = []
     # as many inputs as may be stay where they are: the last ones give way first
     for count in range(held.size, -1, -1):
@@ -70,14 +69,6 @@ def moved(mechanism: Mechanism, stated: np.ndarray, q: np.ndarray) -> dict[str, 
     change = np.abs(pin.difference(mechanism.model, stated, q))
     joints = zip(list(mechanism.model.names)[1:], list(mechanism.model.joints)[1:], strict=True)
     return {name: float(change[j.idx_v : j.idx_v + j.nv].max()) for name, j in joints}
-
-
-def _held(mechanism: Mechanism) -> np.ndarray:
-    """Tangent coordinates of inputs that are stated; of all inputs where no joint is."""
-    home = mechanism.description.home
-    driven = {spec.name: spec.joint for spec in mechanism.description.inputs}
-    inputs = zip(mechanism.inputs, mechanism.input_v, strict=True)
-    return np.array([v for name, v in inputs if not home or driven[name] in home], dtype=int)
 
 
 def _good(found: Solution) -> bool:
