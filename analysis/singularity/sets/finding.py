@@ -33,7 +33,7 @@ def singularity_set(
     """Find the singular postures of one kind over a range of two or three coordinates.
 
     The branch of the start is followed over a grid. Where the kind's matrix is square, its sets
-    are curves over two coordinates, traced by continuation with steps below half a cell, and
+    are curves over two coordinates, traced by continuation with steps of half a cell, and
     surfaces over three. Where it is not, with more inputs or fewer outputs than freedoms, the set
     has a higher codimension: it is sought from the least singular values of the grid.
 
