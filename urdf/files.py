@@ -16,6 +16,7 @@ from closedchain.urdf.errors import DescriptionError
 from closedchain.urdf.expansion import read_source
 from closedchain.urdf.formats import robot_yaml
 from closedchain.urdf.formats.mjcf import reading as mjcf
+from closedchain.urdf.formats.sdf import reading as sdf
 from closedchain.urdf.reader import load_description, read
 
 _NONE: Mapping[str, ParameterValue] = MappingProxyType({})
@@ -58,6 +59,9 @@ def describe_file(
     if root == "mujoco":
         _refuse_parameters(parameters, "MJCF")
         return mjcf.read(text, file)
+    if root == "sdf":
+        _refuse_parameters(parameters, "SDF")
+        return sdf.read(text)
     raise DescriptionError(f"the root element is <{root}>; known: {_KNOWN}", line=1, element=root)
 
 

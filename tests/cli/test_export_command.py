@@ -14,7 +14,7 @@ def run(*words: object) -> tuple[int, str, str]:
     return result.exit_code, result.stdout, result.stderr
 
 
-@pytest.mark.parametrize("form", ["urdf", "urdf+", "robot.yaml", "mjcf"])
+@pytest.mark.parametrize("form", ["urdf", "urdf+", "robot.yaml", "mjcf", "sdf"])
 def test_a_robot_goes_out_and_every_command_takes_it(form: str, tmp_path: Path) -> None:
     if form == "mjcf":
         pytest.importorskip("mujoco")
@@ -47,7 +47,7 @@ def test_text_goes_to_standard_output_and_notes_do_not(tmp_path: Path) -> None:
 def test_an_unknown_format_is_one_line() -> None:
     code, _, err = run("export", "d1", "--format", "usd")
     assert code == 1
-    assert "unknown format 'usd'; known: urdf" in err
+    assert "unknown format 'usd' (did you mean 'sdf'?); known: urdf" in err
 
 
 def test_programs(tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ from one_closure import mechanism
 import closedchain as cc
 from closedchain.urdf import CLOSURE_TYPES, DescriptionError
 
-FORMATS = ("urdf", "urdf+", "robot.yaml", "mjcf")
+FORMATS = ("urdf", "urdf+", "robot.yaml", "mjcf", "sdf")
 
 
 def out_and_in(m: cc.Mechanism, form: str, folder: Path) -> tuple[cc.Mechanism, tuple[str, ...]]:
@@ -68,6 +68,7 @@ def test_every_kind_of_closure(kind: str, form: str, tmp_path: Path) -> None:
         "urdf+": CLOSURE_TYPES,
         "robot.yaml": ("fixed", "spherical", "revolute", "prismatic"),
         "mjcf": ("fixed", "spherical", "revolute", "distance"),
+        "sdf": ("fixed", "spherical", "revolute", "prismatic", "universal"),
     }[form]
     assert ([c.kind for c in again.closures] == [kind]) == (kind in own)
     if kind not in own:
@@ -189,7 +190,7 @@ def test_stock_parsers_load_the_tree(form: str, tmp_path: Path) -> None:
 
 
 def test_unknown_formats_and_open_homes_are_refused() -> None:
-    with pytest.raises(DescriptionError, match="unknown format 'usd'; known: urdf, "):
+    with pytest.raises(DescriptionError, match="known: urdf, mjcf, sdf, "):
         cc.export(cc.load("d1"), "usd")
 
 
