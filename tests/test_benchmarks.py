@@ -9,7 +9,7 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # benchmarks/ is not installed
 
-from benchmarks import batch, cases, cold, run, sets, stacks
+from benchmarks import batch, cases, cold, exported, run, sets, stacks
 from benchmarks.following import DIRECT, INVERSE
 from benchmarks.placo_peer import TOOL as PLACO
 from benchmarks.timing import OURS, Row
@@ -52,6 +52,13 @@ def test_a_solver_that_leaves_the_loops_open_gets_no_time() -> None:
     assert row["seconds"] is None
     assert "More equality constraints" in str(row["note"])
     assert float(str(row["residual"])) > 1e-3
+
+
+def test_exported_to_c() -> None:
+    rows = sound(exported.rows(cases.CASES[0], 20))
+    assert {row["work"] for row in rows} == {f"{w}, exported to C" for w in (DIRECT, INVERSE)}
+    for row in rows:
+        assert row["seconds"] is not None or row["note"] == "no gcc here"
 
 
 def test_many_at_once() -> None:

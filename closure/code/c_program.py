@@ -199,7 +199,9 @@ class CProgram:
         lines = [f"#define NAME_{key} {value}" for key, value in integers.items()]
         lines += [f"#define NAME_{key} {r.signed(value)}" for key, value in numbers.items()]
         lines += [f"#define name_{op} {C.functions[op]}{r.suffix}" for op in ("sqrt", "abs")]
-        lines += ["", *self._array("name_home", m.home), *self._array("name_fresh", FRESH)]
+        home = self._array("name_home", m.home)
+        home[0] = "const name_real name_home[NAME_Q] = {"
+        lines += ["", *home, *self._array("name_fresh", FRESH)]
         if program.direct is not None:
             lines += self._array("name_input_q", m.input_q)
         if self.program.measured:

@@ -11,13 +11,14 @@ typedef void (*name_loop)(name_real *s, const name_real *p, int most);
 static int name_follow(name_loop step, name_loop judge, name_real *s, const name_real *p)
 {
     name_real *state = s + 2 * NAME_Q;
-    for (int left = NAME_MOST_STEPS; left > 0; left = NAME_MOST_STEPS - (int)state[NAME_EVALUATIONS]) {
+    for (;;) {
+        const int left = NAME_MOST_STEPS - (int)state[NAME_EVALUATIONS];
+        if (left <= 0) return NAME_BUDGET;
         step(s, p, left);
         const name_real status = state[NAME_STATUS];
         if (status >= 0) return (int)(status + (name_real)0.5);
         if (status <= NAME_ASKING) judge(s, p, 1);
     }
-    return NAME_BUDGET;
 }
 
 static void name_begin(name_real *s, int states, const name_real *from)

@@ -1,4 +1,7 @@
 /* == ALWAYS */
+/* Posture at home, closed. */
+extern const name_real name_home[NAME_Q];
+
 /* Sentence for a code that a function returned. */
 const char *name_sentence(int code);
 

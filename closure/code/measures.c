@@ -127,7 +127,10 @@ static void name_singular_values(name_real *a, int size, name_real *b, int besid
             }
         if (!turned) break;
     }
-    for (int s = 0; s < count; ++s) values[s] = name_sqrt(name_inner(a + s * size, a + s * size, size));
+    for (int s = 0; s < count; ++s) {
+        const name_real *one = a + s * size;
+        values[s] = name_sqrt(name_inner(one, one, size));
+    }
     for (int s = 0; s < count; ++s) {
         int best = s;
         for (int t = s + 1; t < count; ++t)
@@ -261,15 +264,18 @@ int name_measure(const name_real *q, name_measures *found)
     name_along(w->k + NAME_ROWS * NAME_V, NAME_OUTPUTS, w->n, count, w->t);
     for (int i = 0; i < count * NAME_OUTPUTS; ++i) w->b[i] = w->t[i];
     name_singular_values(w->b, NAME_OUTPUTS, w->y, 0, count, values);
-    found->sigma_inverse = name_value(values, count < NAME_OUTPUTS ? count : NAME_OUTPUTS, NAME_PRODUCED);
+    found->sigma_inverse =
+        name_value(values, count < NAME_OUTPUTS ? count : NAME_OUTPUTS, NAME_PRODUCED);
     name_singular_values(w->a, NAME_INPUTS, w->t, NAME_OUTPUTS, count, values);
     found->sigma_direct = name_value(values, count < NAME_INPUTS ? count : NAME_INPUTS, driven);
     if (!(found->sigma_direct > NAME_RANK_LOST) || driven > count) return NAME_SINGULAR;
     for (int o = 0; o < NAME_OUTPUTS; ++o)
         for (int i = 0; i < NAME_INPUTS; ++i) {
             name_real sum = 0;
-            for (int t = 0; t < driven; ++t)
-                sum += w->t[t * NAME_OUTPUTS + o] / values[t] * (w->a[t * NAME_INPUTS + i] / values[t]);
+            for (int t = 0; t < driven; ++t) {
+                const name_real *a = w->a + t * NAME_INPUTS, *b = w->t + t * NAME_OUTPUTS;
+                sum += b[o] / values[t] * (a[i] / values[t]);
+            }
             found->twist_map[o][i] = sum * name_output_unit[o] / name_input_unit[i];
         }
     return NAME_ARRIVED;

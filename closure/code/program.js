@@ -6,8 +6,8 @@ function finite(x, count) {
 // Repeat steps of Newton's method on a state until they end; the code of the ending.
 function follow(step, judge, s, p) {
     const at = 2 * Q;
-    for (let left = MOST_STEPS; left > 0; left = MOST_STEPS - s[at + EVALUATIONS]) {
-        step(s, p, left);
+    while (s[at + EVALUATIONS] < MOST_STEPS) {
+        step(s, p, MOST_STEPS - s[at + EVALUATIONS]);
         if (s[at + STATUS] >= 0) return Math.round(s[at + STATUS]);
         if (s[at + STATUS] <= ASKING) judge(s, p);
     }
@@ -46,7 +46,8 @@ function answer(s, code, told) {
 function untried(guess) {
     const {word, sentence} = ENDINGS.UNTRIED;
     const q = guess && finite(guess, Q) ? Float64Array.from(guess) : Float64Array.from(home);
-    return {q, converged: false, ending: word, sentence, reached: 0, residual: residual(q), withinLimits: withinLimits(q)};
+    const about = {residual: residual(q), withinLimits: withinLimits(q)};
+    return {q, converged: false, ending: word, sentence, reached: 0, ...about};
 }
 
 /** Largest of all closure rows at q [m or rad]: how far the loops are from being closed. */
@@ -63,7 +64,7 @@ export function withinLimits(q) {
     return told[3];
 }
 
-/** Poses of the bodies behind all joints of the tree, twelve numbers each: axes x, y, z, origin [m]. */
+/** Poses of the bodies behind all joints of the tree: axes x, y and z, then the origin [m]. */
 export function bodies(q) {
     const found = new Float64Array(12 * BODIES);
     allBodies(q, found);
@@ -242,11 +243,14 @@ const copied = (rows) => rows.map((row) => Array.from(row));
 
 // det K_p and det [K; J]; of redundant rows with the rows of K made independent.
 function determinants(closures, task, lu, at) {
-    if (ROWS === K_RANK)
+    if (ROWS === K_RANK) {
+        const passive = closures.map((row) => PASSIVE.map((v) => row[v]));
+        const whole = copied([...closures, ...task]);
         return {
-            direct: DET_DIRECT ? determinant(closures.map((row) => PASSIVE.map((v) => row[v]))) : null,
-            inverse: DET_INVERSE ? determinant(copied([...closures, ...task])) : null,
+            direct: DET_DIRECT ? determinant(passive) : null,
+            inverse: DET_INVERSE ? determinant(whole) : null,
         };
+    }
     const found = {direct: DET_DIRECT ? 0 : null, inverse: DET_INVERSE ? 0 : null};
     if (at.rank < K_RANK) return found;
     const lower = Array.from({length: K_RANK}, (_, i) =>
@@ -290,7 +294,8 @@ export function measure(q) {
     const dets = determinants(closures, task, lu, at), motions = kernel(lu, at);
     orthonormal(along(rows.slice(ROWS + OUTPUTS), motions), motions);
     const a = inputsIn(motions), t = along(task, motions), driven = DRIVEN + count;
-    const sigmaInverse = numberedValue(singularValues(t.map((x) => x.slice()), []), OUTPUTS, PRODUCED);
+    const produced = singularValues(t.map((x) => x.slice()), []);
+    const sigmaInverse = numberedValue(produced, OUTPUTS, PRODUCED);
     const values = singularValues(a, t);
     const sigmaDirect = numberedValue(values, INPUT_V.length, driven);
     const known = sigmaDirect > RANK_LOST && driven <= count;
@@ -299,6 +304,8 @@ export function measure(q) {
         for (let k = 0; k < driven; ++k) sum += (t[k][o] / values[k]) * (a[k][i] / values[k]);
         return (sum * OUTPUT_UNIT[o]) / INPUT_UNIT[i];
     };
-    const twistMap = known ? OUTPUT_UNIT.map((_, o) => INPUT_UNIT.map((_, i) => entry(o, i))) : null;
-    return {known, twistMap, sigmaDirect, sigmaInverse, detDirect: dets.direct, detInverse: dets.inverse};
+    const rowOf = (_, o) => INPUT_UNIT.map((_, i) => entry(o, i));
+    const twistMap = known ? OUTPUT_UNIT.map(rowOf) : null;
+    const {direct: detDirect, inverse: detInverse} = dets;
+    return {known, twistMap, sigmaDirect, sigmaInverse, detDirect, detInverse};
 }
