@@ -64,7 +64,7 @@ def direct(
     problem = mechanism.known.get(DRIVEN) or driven(mechanism)
     if _is_table(input_values):
         end = mechanism.input_rows(np.asarray(input_values), "input values")
-        return _many(problem, end, guess)
+        return solve_many(problem, end, guess)
     end = mechanism.input_vector(input_values, "input values")
     start = mechanism.home if guess is None else mechanism.configuration(guess)
     found = follower_of(problem).alone(start, start[mechanism.input_q], end)
@@ -124,7 +124,7 @@ def inverse(
     """
     problem = posed(mechanism, outputs)
     if not isinstance(pose, pin.SE3):
-        return _many(problem, _poses(pose), guess)
+        return solve_many(problem, _poses(pose), guess)
     end = pin.SE3ToXYZQUAT(pose)
     if not end.dot(end) < LARGEST_SQUARE and not np.isfinite(end).all():
         raise ClosureError(f"pose must be a pin.SE3 of finite numbers, got {pose!r}")
@@ -286,7 +286,21 @@ def _side(problem: Problem, det: float) -> int | None:
     return (-1 if det < 0.0 else 1) if problem.sided else None
 
 
-def _many(problem: Problem, end: np.ndarray, guess: ArrayLike | None) -> Solutions:
+def solve_many(problem: Problem, end: np.ndarray, guess: ArrayLike | None) -> Solutions:
+    """Postures that meet targets (n, prescribed) of a problem, each on the branch of its guess.
+
+    Parameters
+    ----------
+    end : (n, prescribed) array
+        Values of the pinned joints [m or rad], then poses; finite.
+    guess : (nq,) or (n, nq) array, optional
+        Home by default.
+
+    Raises
+    ------
+    ClosureError
+        A malformed guess.
+    """
     mechanism, n = problem.mechanism, len(end)
     start = mechanism.home if guess is None else mechanism.configurations(guess)
     if start.ndim == 2 and len(start) != n:

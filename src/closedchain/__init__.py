@@ -28,7 +28,10 @@ if TYPE_CHECKING:
         mass_matrix,
     )
     from closedchain.analysis.forces.inverse_dynamics import InverseDynamics, inverse_dynamics
+    from closedchain.analysis.forces.motor_map import Transmission
     from closedchain.analysis.forces.statics import Statics, statics
+    from closedchain.analysis.forces.transmission import transmission
+    from closedchain.analysis.forces.transmission_table import transmission_table
     from closedchain.analysis.motion.follow import (
         Comparison,
         ComparisonRow,
@@ -73,6 +76,9 @@ _LATER = {
     "analysis.acceleration": "Acceleration acceleration",
     "analysis.forces.input_dynamics": "InputDynamics input_dynamics mass_matrix",
     "analysis.forces.inverse_dynamics": "InverseDynamics inverse_dynamics",
+    "analysis.forces.motor_map": "Transmission",
+    "analysis.forces.transmission": "transmission",
+    "analysis.forces.transmission_table": "transmission_table",
     "analysis.forces.statics": "Statics statics",
     "analysis.screws.accelerators": "Accelerators accelerators",
     "analysis.structure.dependence": "Dependence dependence",
@@ -146,6 +152,7 @@ __all__ = [
     "SymbolicSingularities",
     "TaskPath",
     "Track",
+    "Transmission",
     "Velocity",
     "acceleration",
     "accelerators",
@@ -185,5 +192,7 @@ __all__ = [
     "symbolic_singularities",
     "task_path",
     "track",
+    "transmission",
+    "transmission_table",
     "velocity",
 ]

@@ -38,6 +38,7 @@ from closedchain._options import (
 )
 from closedchain._statics_command import statics
 from closedchain._terminal import fail, print_json, remark, say
+from closedchain._transmission_command import transmission
 from closedchain.urdf.errors import ClosedChainError
 
 if TYPE_CHECKING:
@@ -334,6 +335,7 @@ app.command()(reads_a_file(follow))
 app.command()(reads_a_file(closed_forms))
 app.command()(reads_a_file(export))
 app.command()(reads_a_file(statics))
+app.command()(reads_a_file(transmission))
 
 
 def _load(robot: str, settings: list[str] | None, variant: str | None, no_xacro: bool) -> Mechanism:

@@ -1,0 +1,91 @@
+"""Figures of a transmission: a line for each motor over one joint, coloured maps over two."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from closedchain.urdf.errors import ClosureError
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+
+def draw_transmission(found: xr.Dataset, image: Path, dpi: int = 130) -> None:
+    """Draw a table of ``cc.transmission_table`` over one or two joints.
+
+    Over two joints, grey is where nothing is reached or a motor would be beyond its limits.
+
+    Raises
+    ------
+    ClosureError
+        A table over more joints.
+    """
+    from matplotlib.figure import Figure
+
+    joints = [str(name) for name in found["joints"].values]
+    if len(joints) > 2:
+        raise ClosureError(f"a table over {len(joints)} joints is not drawn; one or two are")
+    panels = _panels(found, joints)
+    columns = min(len(panels), 3)
+    rows = -(-len(panels) // columns)
+    figure = Figure(figsize=(4.6 * columns, 3.6 * rows), layout="constrained")
+    axes = figure.subplots(rows, columns, squeeze=False).ravel()
+    for ax, (label, lines) in zip(axes, panels, strict=False):
+        if len(joints) == 1:
+            _lines(ax, found, joints[0], label, lines)
+        else:
+            _map(ax, found, joints, label, next(iter(lines.values())))
+    for ax in axes[len(panels) :]:
+        ax.set_axis_off()
+    figure.suptitle(f"{found.attrs['mechanism']}: {', '.join(joints)}")
+    figure.savefig(image, dpi=dpi)
+
+
+def _panels(found: xr.Dataset, joints: list[str]) -> list[tuple[str, dict[str, np.ndarray]]]:
+    """What to draw: a label, and arrays over the joints by name; maps hold one each."""
+    motors = [str(name) for name in found["motors"].values]
+    units = dict(zip(motors, np.atleast_1d(found.attrs["motor_units"]), strict=True))
+    y, j = found["motor"].values, found["jacobian"].values
+    panels: list[tuple[str, dict[str, np.ndarray]]] = []
+    for i, motor in enumerate(motors):
+        panels.append((f"{motor} [{units[motor]}]", {motor: y[..., i]}))
+    for i, motor in enumerate(motors):
+        panels += [(f"d {motor} / d {n}", {motor: j[..., i, k]}) for k, n in enumerate(joints)]
+    panels.append(("distance from a toggle", {"": found["toggle"].values}))
+    for k, joint in enumerate(joints):
+        unit = found[joint].attrs["units"]
+        if "effort_limits" in found:
+            both = found["effort_limits"].values[..., k]
+            name = f"largest effort of {joint} [{'N' if unit == 'm' else 'N m'}]"
+            panels.append((name, {"largest": both[..., 1], "least": both[..., 0]}))
+        if "speed_limits" in found:
+            speed = found["speed_limits"].values[..., k]
+            panels.append((f"largest speed of {joint} [{unit}/s]", {"": speed}))
+    return panels
+
+
+def _lines(
+    ax: Any, found: xr.Dataset, joint: str, label: str, lines: dict[str, np.ndarray]
+) -> None:
+    at = found[joint]
+    for name, values in lines.items():
+        ax.plot(at.values, values, label=name or None)
+    if len(lines) > 1:
+        ax.legend()
+    ax.set_xlabel(f"{joint} [{at.attrs['units']}]")
+    ax.set_ylabel(label)
+    ax.grid(alpha=0.3)
+
+
+def _map(ax: Any, found: xr.Dataset, joints: list[str], label: str, values: np.ndarray) -> None:
+    x, y = (found[name] for name in joints)
+    there = np.where(found["within"].values, values, np.nan)
+    shown = ax.pcolormesh(x.values, y.values, there.T, cmap="cividis", shading="nearest")
+    ax.set_facecolor("#DDDDDD")
+    ax.figure.colorbar(shown, ax=ax)
+    ax.set_title(label)
+    ax.set_xlabel(f"{joints[0]} [{x.attrs['units']}]")
+    ax.set_ylabel(f"{joints[1]} [{y.attrs['units']}]")
