@@ -99,6 +99,9 @@ def test_velocity_equations_hold_on_the_mechanism(d1: cc.Mechanism) -> None:
         assert_close(klein(passive, v_ac), klein(passive, v_ab), 1e-12, "(26)")
         right = np.concatenate([qd[3:], klein(passive, v_ab)])
         assert_close(second.T @ delta @ v_ac, right, 1e-12, "(27)")
+        by_screws = motion(coupler, platform, G, qd, qdd)
+        assert_close(by_screws.V_AB, v_ab, 1e-11, "(22) solved")
+        assert_close(by_screws.V_AC, v_ac, 1e-11, "(27) solved")
 
 
 def body_twist(
@@ -217,3 +220,13 @@ def test_the_twists_of_the_platform_span_six_dimensions(d1: cc.Mechanism) -> Non
     pair = posed(d1, q)
     twists = np.array([motion(*pair, G, unit, np.zeros(6)).V_AC for unit in np.eye(6)])
     assert np.linalg.svd(twists, compute_uv=False)[-1] > 1e-5
+    # of five outputs one freedom is left over, and it moves the platform about the sixth
+    left = cc.redundancy(d1, q, "x y z rx rz")
+    assert left.dimension == 1
+    assert_close(np.linalg.norm(left.inputs[:, 0]), 1.0, 1e-12)
+    joint = d1.model.joints[d1.model.getJointId("platform_pose")]
+    rates = left.joints[joint.idx_v : joint.idx_v + 6, 0]
+    turn, twist = d1.pose(q, "platform").rotation, left.inputs[:, 0] @ twists
+    assert_close(turn @ rates[3:], twist[:3], 1e-10)
+    assert_close((turn.T @ twist[:3])[[0, 2]], np.zeros(2), 1e-10)
+    assert abs((turn.T @ twist[:3])[1]) > 1e-3

@@ -123,6 +123,7 @@ def test_torsion_refutes_five_degrees_of_freedom(motion: tasks.Assemblies) -> No
     assert np.abs(tasks.torsion(motion.coupler)).max() < 1e-12
     relative = np.swapaxes(motion.coupler.rotation, 1, 2) @ motion.platform.rotation
     assert np.abs(tasks.torsion(Pose(relative, motion.platform.position))).max() < 1e-12
+    assert cc.mobility(cc.load("d1")).mobility == 6
 
 
 @pytest.mark.parametrize("variant", ["printed_u", "circle_u"])
@@ -202,6 +203,12 @@ def test_a_task_by_continuation_is_the_closed_form(
     stored = reference("d1")["task_drill"]
     if corners is drill_waypoints:
         assert_close(worst, stored["smin_task_locked_min"], tol.reference)
+    else:
+        cut = corners()[2:9]
+        assert_close(cut[:, 1], np.full(7, cut[0, 1]), 1e-14)
+        radii = np.linalg.norm(cut[:, [0, 2]], axis=1)  # as long as the sides of a hexagon
+        assert_close(np.linalg.norm(np.diff(cut, axis=0), axis=1), radii[:6], 1e-14)
+        assert_close(radii, np.full(7, tasks.HEXAGON_RADIUS), 1e-14)
     assert worst > 0.597
     assert np.degrees(tasks.tilt(found.coupler)).max() < 9.7
 
@@ -235,6 +242,12 @@ def test_only_legs_of_the_coupler_can_be_locked(d1: cc.Mechanism, locked: int, f
         assert twist_map is not None
         values = np.linalg.svd(np.delete(twist_map, locked, axis=1), compute_uv=False)
         assert values[-1] > 1e-3 if free else values[-1] < 1e-10
+        found = cc.redundancy(d1, q, AXIS_TASK)
+        assert found.dimension == 1
+        lock = found.locks[(d1.inputs[locked],)]
+        assert lock > 1e-3 if free else lock < 1e-10
+        # what is left over needs the inputs that can be locked, and no others
+        assert bool(abs(found.inputs[locked, 0]) > 1e-3) is free
 
 
 def test_tasks_out_of_reach_do_not_converge() -> None:

@@ -335,6 +335,10 @@ def test_trajectory_starts_at_the_reference(reference: Reference, tol: Any) -> N
 @ROBOTS
 def test_trajectory_all_joints(name: str, g: Geometry, tol: Any) -> None:
     """The solver, step by step, against the closed form; every joint, links lowered and raised."""
+    printed = 0.01 * np.array([[5, 0, 10], [4.330127018922193, 1.5, 11], [0, 3, 9], [-5, 0, 10]])
+    assert_allclose(trajectory.position([0, 1 / 12, 1 / 4, 1 / 2]), printed, atol=1e-15)
+    tilt = pin.rpy.rpyToMatrix(0.5, 0.0, 0.0)
+    assert_allclose(trajectory.rotation(), tilt @ pin.rpy.rpyToMatrix(0.0, 0.0, 0.1), atol=1e-15)
     m = load(name)
     rotation = np.broadcast_to(trajectory.rotation(), (101, 3, 3))
     position = trajectory.position(trajectory.TIMES)

@@ -68,6 +68,7 @@ def test_loop_equations_hold_and_direct_inverts_inverse_in_all_modes() -> None:
     c = p[:, None, None, :] + G.C  # eq (1): O o' + o' C_i = O A_i + A_i B_i + B_i C_i
     b = G.A + q[..., None] * ld.AXIS
     assert_close(np.linalg.norm(c - b, axis=-1), np.full((1000, 8, 3), G.b), 1e-14)
+    assert_close(c - b, G.b * ld.rods(np.broadcast_to(p[:, None], q.shape), q, G), 1e-14)
     found = ld.direct(q, G)
     miss = np.linalg.norm(found.p - p[:, None, None, :], axis=-1)
     assert miss.min(axis=-1).max() < 1e-10
@@ -208,7 +209,11 @@ def test_limb_rates_make_up_the_twist() -> None:
 
 
 def test_pseudo_inverse_is_one_sided() -> None:
-    jacobian = ld.generalized_jacobian(rods([0.08, -0.05, -0.6]), G).J
+    bhat = rods([0.08, -0.05, -0.6])
+    jacobian = ld.generalized_jacobian(bhat, G).J
+    for v in np.eye(3):  # J $t = (qdot; 0)
+        made = jacobian @ translation(v)
+        assert_close(made, np.concatenate([ld.slider_rates(bhat, v), np.zeros(6)]), 1e-12)
     left = np.linalg.pinv(jacobian)
     assert_close(left @ jacobian, np.eye(6), 1e-12)
     assert np.abs(jacobian @ left - np.eye(9)).max() > 0.3
