@@ -20,6 +20,7 @@ import math
 import os
 import random
 import sys
+import time
 import types
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
@@ -32,6 +33,8 @@ import numpy as np
 ROOT = Path(__file__).resolve().parents[1]
 SIZE = 1e-3
 """By how much a number is perturbed, of itself."""
+ZERO = 1e-9
+"""Share of the largest number of an array below which one is taken for zero."""
 
 
 @dataclass(frozen=True)
@@ -131,8 +134,9 @@ def _perturb_class(kind: type) -> None:
 
     def change(made: Any) -> None:
         fields = dataclasses.fields(kind) if dataclasses.is_dataclass(kind) else ()
+        amounts = _amounts()
         for name in [f.name for f in fields] or list(vars(made)):
-            object.__setattr__(made, name, perturbed(getattr(made, name)))
+            object.__setattr__(made, name, _changed(getattr(made, name), amounts))
 
     def changed(self: Any, *args: Any, **kwargs: Any) -> None:
         init(self, *args, **kwargs)
@@ -164,7 +168,7 @@ def _changed(value: Any, by: Iterator[float]) -> Any:
     if isinstance(value, bool | np.bool_ | str | bytes | None | Path):
         return value
     if isinstance(value, float | np.floating):
-        return type(value)(value * next(by) if value else SIZE * (next(by) - 1.0))
+        return type(value)(value * next(by) if abs(value) > ZERO else next(by) - 1.0)
     if isinstance(value, int | np.integer):
         return type(value)(value + 1)
     if isinstance(value, np.ndarray):
@@ -196,10 +200,11 @@ def _changed_array(array: np.ndarray, by: Iterator[float]) -> np.ndarray:
             array if array.dtype.kind == "b" else array + 1 if array.dtype.kind in "iu" else array
         )
     flat = np.array(array, dtype=array.dtype).reshape(-1)
-    scale = float(np.abs(flat[np.isfinite(flat)]).max(initial=0.0)) or 1.0
+    largest = float(np.abs(flat[np.isfinite(flat)]).max(initial=0.0))
+    scale = largest if largest > ZERO else 1.0
     factors = np.fromiter(by, float, flat.size)
     # what is zero is so for a reason, and is perturbed too
-    flat = np.where(np.abs(flat) <= 1e-9 * scale, SIZE * scale * (factors - 1.0), flat * factors)
+    flat = np.where(np.abs(flat) <= ZERO * scale, scale * (factors - 1.0), flat * factors)
     return flat.reshape(array.shape).astype(array.dtype)
 
 
@@ -259,10 +264,11 @@ def main(arguments: list[str]) -> int:
 
     wrong = 0
     for claim in wanted:
+        begin = time.monotonic()
         verdict = noticed(claim)
         wrong += verdict != "failed"
         said = "" if verdict == "failed" else f"   <- {verdict}, must fail"
-        print(f"{claim}{said}", flush=True)
+        print(f"{time.monotonic() - begin:5.1f} s  {claim}{said}", flush=True)
     print(f"{len(wanted) - wrong} of {len(wanted)} tests notice")
     return 1 if wrong else 0
 

@@ -273,6 +273,9 @@ def test_printed_heights_contradict_the_inverse_text() -> None:
     q = np.array([-0.01, -0.62, -0.6])
     for name, z in printed.heights(q, G).items():
         assert rpa3t.points(q, np.zeros(3), G)[name][2] - z == pytest.approx(G.l6, abs=1e-15)
+    found = rpa3t.points(q, np.zeros(3), G)
+    assert_close(rpa3t.tip(q, G), 0.5 * (found["F1"] + found["D3"]), 1e-15, "(11)")
+    assert rpa3t.tip(q, G)[2] == pytest.approx(-0.62 + 2 * 0.01, abs=1e-15)
 
 
 def test_printed_parallel_factors_are_those_of_a_wrong_model() -> None:
@@ -287,6 +290,8 @@ def test_printed_parallel_factors_are_those_of_a_wrong_model() -> None:
     in_cm = np.linalg.det(wrong) * 1e8
     assert_close(p.prod(axis=-1), in_cm / -40.0, 1e-9 * np.abs(in_cm).max(), "printed (16)")
     assert np.abs(p[:, 2] * p[:, 3] / 1e4 - f.M).max() > 0.1
+    true = np.linalg.det(rpa3t.parallel_jacobian(q, theta, G))
+    assert_close(rpa3t.det_parallel(q, theta, G), true, 1e-12 * np.abs(true).max(), "det A")
 
 
 def test_x_c1_zero_is_not_singular(ref: dict[str, Any]) -> None:
@@ -312,6 +317,8 @@ def test_printed_serial_factors() -> None:
     height = 70.0 * 100.0 * G.l6 * np.cos(theta[:, 2])
     assert_close(p[:, 2] - scale * f.s3, height, 1e-9, "factor 3")
     assert_close(p[:, 3], f.cos_beta, 1e-15)
+    true = np.linalg.det(rpa3t.serial_jacobian(q, theta, G))
+    assert_close(rpa3t.det_serial(q, theta, G), true, 1e-12 * np.abs(true).max(), "det B")
 
 
 def test_y_b1_can_be_zero_and_a1_b1_can_vanish() -> None:

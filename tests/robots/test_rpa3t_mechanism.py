@@ -138,6 +138,8 @@ def test_closed_forms_close_the_loops_in_every_mode(m: cc.Mechanism) -> None:
     p = sample(WIDE, 1000, seed=2)
     found = rpa3t.inverse(p, G)
     modes = 0
+    real = found.q[found.real], found.theta[found.real]
+    assert np.abs(rpa3t.residuals(*real, G)).max() < 1e-13
     for i, mode in np.argwhere(found.real):
         q = configuration(m, found.q[i, mode], found.theta[i, mode])
         assert np.abs(cc.residual(m, q)).max() < 1e-13

@@ -14,7 +14,7 @@ from conftest import assert_close
 from rpa3t_postures import WIDE, G, Posture, configuration, sample
 
 import closedchain as cc
-from closedchain.analysis.singularity.maps.grid import OK, NONE_FOUND
+from closedchain.analysis.singularity.maps.grid import NONE_FOUND, OK
 from closedchain.robots import rpa3t
 
 MM = np.array([1e-3, 1e-3, 1.0])

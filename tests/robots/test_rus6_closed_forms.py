@@ -69,6 +69,10 @@ def test_axes_are_as_the_paper_draws_them() -> None:
     np.testing.assert_allclose((G.tangent * G.radial).sum(-1), 0.0, atol=1e-15)
     np.testing.assert_allclose(np.cross(G.tangent, G.radial), np.tile(UP, (6, 1)), atol=1e-15)
     np.testing.assert_allclose(np.linalg.norm(G.A(0.4)[:3] - G.F, axis=-1), G.Rr, atol=1e-15)
+    # beta moves the radius R1 and the height of M1's feet, those of M2 stand still
+    radii, heights = (G.A(0.4) * G.radial).sum(-1), G.A(0.4)[:, 1]
+    np.testing.assert_allclose(radii, [0.2 + 0.08 * np.cos(0.4)] * 3 + [0.3] * 3, atol=1e-15)
+    np.testing.assert_allclose(heights, [0.08 * np.sin(0.4)] * 3 + [-0.1] * 3, atol=1e-15)
 
 
 def test_geometry_refuses_what_it_does_not_know() -> None:
@@ -177,6 +181,8 @@ def test_jacobians_match_the_reference(ref: dict[str, Any]) -> None:
         exact = 1e-9 if np.abs(entry["Jq"]).min() > 1e-3 else 1e-6
         assert_close(j_q(legs), entry["Jq"], exact, name)
         assert_close(j_beta(legs), entry["Jq_prime"][:3], exact, name)
+        both = np.column_stack([np.diag(entry["Jq"]), [*entry["Jq_prime"][:3], 0.0, 0.0, 0.0]])
+        assert_close(j_inputs(legs), both, exact, name)
         assert_close(det_jx(legs), entry["det_Jx"], exact, name)
         sigma = np.linalg.svd(j_x(legs), compute_uv=False)
         assert_close(sigma, entry["sv_Jx"], exact, name)

@@ -309,6 +309,8 @@ def test_dependent_rods(coupled: cc.Mechanism, locked: cc.Mechanism, tol: Tolera
             return det_jx(inverse(turned(t), angle, G))
 
         t = np.radians(np.arange(-100.0, 100.5, 5.0))
+        true = np.linalg.det(j_x(inverse(turned(t), angle, G)))
+        np.testing.assert_allclose(determinant(t), true, atol=1e-12)
         found = roots(determinant, t)
         assert found.size == 2
         for x in found:
