@@ -23,6 +23,7 @@ from closedchain.closure.task import Goal, goal
 from closedchain.urdf.errors import ClosureError, known_names
 
 LIMIT_TOLERANCE = 1e-9
+ELSEWHERE = "found from another start: descent from the guess does not lead to it"
 MOST_WORK = 4e8
 """Evaluations of a search times the cube of the freedoms: a bound of seconds for large ones."""
 
@@ -77,12 +78,17 @@ def close(
     within, found = _descended(equations, start)
     given = Descent(q, *equations.evaluate(q), 1)
     kept = _proper(mechanism, given) and not beyond_limits(mechanism, q)
+    beside = found
     if not kept and not _proper(mechanism, found):
         within, found = _searched(within, found, start, len(points or {}))
+    elsewhere = found is not beside
     found = _nearest(within, found, start, len(points or {}))
     if kept and given.residual <= found.residual:
         found = replace(given, evaluations=found.evaluations)  # nothing is nearer to the guess
-    return _report(within, found, points or {})
+    solution = _report(within, found, points or {})
+    if elsewhere and solution.converged:
+        return replace(solution, message=f"{solution.message}; {ELSEWHERE}")
+    return solution
 
 
 def closed_beside(

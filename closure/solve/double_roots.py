@@ -6,13 +6,14 @@ the posture to 1e-8 only, and Newton's method halves the error each step, no mor
 itself tells the place to rounding, since it grows with the error and not with its square. So the
 root of W^T J V is sought, W and V the singular vectors that vanish there, a pair for each leg that
 is stretched, on the postures where all other rows hold. It counts where the rows hold there as
-well as before.
+well as before, and change on the way by no more than they are off and their rounding.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
+from closedchain.closure.solve.control import CLOSED
 from closedchain.closure.solve.descend import Descent
 from closedchain.closure.solve.newton import Rows
 
@@ -24,6 +25,7 @@ GONE = (
 )
 LOOK = 1e-4  # dimensionless: how far away the slopes of W^T J V are taken
 ROUNDING = 2e-15  # rows [m or rad] that are zero
+SAFETY = 4.0  # times what rows are off
 CORRECTIONS = 4
 CHORDS = 3  # steps to the root: errors shrink by the share LOOK each time
 LEAST_SLOPE = 1e-3
@@ -59,7 +61,10 @@ def at_fold(equations: Rows, found: Descent) -> Descent:
         if not np.linalg.norm(place) < LOOK:  # no root this near
             return found
         best = at(place)
+    rounding = SAFETY * (min(found.residual, CLOSED) + ROUNDING)
     if best.residual > max(found.residual, ROUNDING):
+        return found
+    if np.linalg.norm(here) * np.linalg.norm(place) > rounding:  # told apart by the rows
         return found
     looks = (CHORDS + count) * (CORRECTIONS + 1)
     return Descent(best.q, best.values, best.system, found.evaluations + looks)

@@ -105,6 +105,19 @@ def test_a_fold_is_found_to_rounding(asked: str) -> None:
         same_angles(s.q, exact, 1e-13)
 
 
+@pytest.mark.parametrize("off", [1e-4, 1e-5, 2e-6])
+def test_a_posture_beside_a_fold_is_not_taken_for_it(off: float) -> None:
+    """Two roots on both sides of the fold, told apart by the crank's value."""
+    m = four_bar(ROCKING, 0.9)
+    crank = toggle(ROCKING) - off**2
+    exact = [four_bar_angles(ROCKING, crank, side) for side in (1, -1)]
+    s = cc.close(m, fixed={"crank_joint": crank})
+    assert s.converged, s.message
+    turns = [(s.q - one + np.pi) % (2 * np.pi) - np.pi for one in exact]
+    assert min(np.abs(t).max() for t in turns) < 1e-4 * off
+    assert np.abs(np.subtract(*exact)).max() > off
+
+
 def test_two_legs_stretched_at_once_are_found_to_rounding() -> None:
     """Each leg is a double root of its own."""
     legs = [
@@ -131,6 +144,8 @@ def test_two_legs_stretched_at_once_are_found_to_rounding() -> None:
 def test_a_stationary_guess_is_left(tol: Tolerances) -> None:
     """All bars in one line, pointing away: no small motion brings the ends nearer."""
     m = four_bar(ROCKING, 0.9)
+    assert "another start" not in cc.close(m).message
+    assert "found from another start" in cc.close(m, [0.0, 0.0, np.pi]).message
     for guess in ([0.0, 0.0, np.pi], [0.0, 0.0, 0.0], [np.pi, 0.0, 0.0], [0.0, np.pi, np.pi]):
         check_solution(m, cc.close(m, guess), tol)
     for crank in (0.7, -0.7):
@@ -152,6 +167,7 @@ def test_a_point_behind_a_stretched_arm_turns_it_round() -> None:
     s = cc.close(m, [0.0, 0.0], points={"p": [-1.0, 0.0, 0.0]})
     assert_close(m.point(s.q, "p"), [-0.7, 0.0, 0.0], 1e-8)
     assert "remain off by up to 0.3 m" in s.message
+    assert "another start" not in s.message
 
 
 def test_what_does_not_exist_stays_open(d1: cc.Mechanism) -> None:
