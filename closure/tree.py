@@ -11,6 +11,9 @@ import pinocchio as pin
 from closedchain.urdf.description import Description, Inertial, Joint, Link, Origin
 from closedchain.urdf.errors import DescriptionError
 
+_SLIGHT = 0.1
+"""Share of the largest principal moment that the least may be below zero, by careless measuring."""
+
 
 @dataclass(frozen=True, eq=False)
 class Tree:
@@ -108,7 +111,7 @@ def _inertia(link: Link, inertial: Inertial) -> pin.Inertia:
         ]
     )
     moments, axes = np.linalg.eigh(about_centre)
-    if inertial.mass < 0.0 or moments[0] < -1e-9 * abs(moments[-1]) - 1e-15:
+    if inertial.mass < 0.0 or moments[0] < -_SLIGHT * abs(moments[-1]) - 1e-15:
         raise DescriptionError(
             f"mass {inertial.mass:g} with principal moments {moments[0]:.3g} to {moments[-1]:.3g} "
             "is no inertia of a body: they must not be negative",

@@ -48,7 +48,7 @@ def read_link(element: Element, notes: list[str]) -> Link:
             _check_shape(shape)
     return Link(
         name=name,
-        inertial=None if inertial is None else _inertial(inertial),
+        inertial=None if inertial is None else _inertial(inertial, notes),
         visuals=len(element.findall("visual")),
         line=element.sourceline,
     )
@@ -61,7 +61,7 @@ def _name(element: Element) -> str:
     return name
 
 
-def _inertial(element: Element) -> Inertial:
+def _inertial(element: Element, notes: list[str]) -> Inertial:
     elements.allow(element, (), ("origin", "mass", "inertia"))
     mass = elements.required_child(element, "mass")
     elements.allow(mass, ("value",))
@@ -74,7 +74,14 @@ def _inertial(element: Element) -> Inertial:
     for key in ("ixx", "iyy", "izz"):
         if moments[key] < -1e-12:  # exporters round zero to either side
             raise elements.error(inertia, f"{key}={moments[key]:g} must not be negative")
-    return Inertial(elements.origin(elements.only_child(element, "origin")), value, **moments)
+    found = Inertial(elements.origin(elements.only_child(element, "origin")), value, **moments)
+    least = found.principal_moments[0]
+    if least < 0.0:
+        notes.append(
+            f"line {inertia.sourceline}: the inertia of <link {element.getparent().get('name')!r}> "
+            f"has the principal moment {least:.3g}, which no body has: it was taken as zero"
+        )
+    return found
 
 
 def _check_shape(element: Element) -> None:

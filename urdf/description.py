@@ -11,6 +11,8 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Literal, get_args
 
+import numpy as np
+
 Vector3 = tuple[float, float, float]
 ParameterValue = str | float | int | bool
 
@@ -57,6 +59,21 @@ class Inertial:
     iyy: float
     iyz: float
     izz: float
+
+    @property
+    def principal_moments(self) -> tuple[float, float, float]:
+        """Moments [kg m^2] about the principal axes, rising; zero where only rounding is below."""
+        tensor = np.array(
+            [
+                [self.ixx, self.ixy, self.ixz],
+                [self.ixy, self.iyy, self.iyz],
+                [self.ixz, self.iyz, self.izz],
+            ]
+        )
+        moments = np.linalg.eigvalsh(tensor)
+        rounding = 1e-9 * abs(moments[2]) + 1e-15
+        low, middle, high = (0.0 if -rounding <= x < 0.0 else float(x) for x in moments)
+        return low, middle, high
 
 
 @dataclass(frozen=True)
