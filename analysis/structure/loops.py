@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import textwrap
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import takewhile
 
@@ -14,8 +15,8 @@ from closedchain.analysis.structure.graph import (
     nodes_of,
     short_cycles,
 )
-from closedchain.analysis.structure.mobility import is_cross_link
-from closedchain.closure.joint_kinds import JOINT_KINDS, TREE_KINDS
+from closedchain.analysis.structure.hinges import pairs_of_tree, symbol_of
+from closedchain.closure.joint_kinds import JOINT_KINDS
 from closedchain.closure.mechanism import Mechanism
 from closedchain.urdf.description import Description, Joint
 
@@ -35,8 +36,8 @@ class Pair:
     Attributes
     ----------
     name : str
-        Of the joint or of the closure; for a universal joint of the tree what the names of its two
-        joints have in common.
+        Of the joint or of the closure; for a universal joint or ball of the tree what the names
+        of its joints have in common.
     symbol : str
         R, P, U, S, C or E; PS, PPS and SS for a ball on a line, a ball on a plane, and a rod.
     parent, child : int
@@ -148,7 +149,7 @@ def as_loop(edges: list[Edge] | tuple[Edge, ...], walk: Walk) -> Loop:
 
 def _bodies(description: Description) -> tuple[Body, ...]:
     """Group links that nothing moves against each other; cross links are left out."""
-    crosses = {j.child for j in description.joints if is_cross_link(description, j)}
+    crosses = {j.child for row in pairs_of_tree(description) for j in row[:-1]}
     points = {j.child for j in description.joints if j.type == "fixed"}
     names = [link.name for link in description.links if link.name not in crosses]
     names.sort(key=lambda name: name != description.root)
@@ -171,13 +172,10 @@ def _pairs(description: Description, of_link: dict[str, int]) -> tuple[Pair, ...
     driven: dict[str, list[str]] = {}
     for spec in description.inputs:
         driven.setdefault(spec.joint, []).append(spec.name)
-    first_of = {j.child: j for j in description.joints if is_cross_link(description, j)}
+    rows = pairs_of_tree(description)
     taken = {j.name for j in description.joints} | {c.name for c in description.closures}
     found = []
-    for joint in description.joints:
-        if joint.type in {"fixed", "floating"} or joint.child in first_of:
-            continue
-        joints = (first_of[joint.parent], joint) if joint.parent in first_of else (joint,)
+    for joints in rows:
         found.append(_tree_pair(joints, of_link, driven, taken))
     for closure in description.closures:
         if closure.type != "fixed":
@@ -202,14 +200,12 @@ def _tree_pair(
     driven: dict[str, list[str]],
     taken: set[str],
 ) -> Pair:
-    name = joints[0].name
-    if len(joints) == 2:
-        same = takewhile(lambda ab: ab[0] == ab[1], zip(name, joints[1].name, strict=False))
-        common = "".join(a for a, _ in same).rstrip("_")
-        name = common if common and common not in taken else name
+    free = (word for word in _common([j.name for j in joints]) if word not in taken)
+    name = next(free, joints[0].name)
+    taken.add(name)
     return Pair(
         name=name,
-        symbol="U" if len(joints) == 2 else TREE_KINDS[joints[0].type].symbol,
+        symbol=symbol_of(joints),
         parent=of_link[joints[0].parent],
         child=of_link[joints[-1].child],
         joints=tuple(j.name for j in joints),
@@ -217,6 +213,18 @@ def _tree_pair(
         freedoms=len(joints),
         inputs=tuple(name for j in joints for name in driven.get(j.name, ())),
     )
+
+
+def _common(names: list[str]) -> Iterator[str]:
+    """What the names of joints that are one pair have in common: at the front, or at both ends."""
+    first, last = names[0], names[-1]
+    if first != last:
+        front = _shared(first, last)
+        yield from filter(None, (front.rstrip("_"), front + _shared(first[::-1], last[::-1])[::-1]))
+
+
+def _shared(one: str, two: str) -> str:
+    return "".join(a for a, _ in takewhile(lambda ab: ab[0] == ab[1], zip(one, two, strict=False)))
 
 
 def _text(graph: LoopGraph) -> str:

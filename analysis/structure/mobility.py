@@ -6,16 +6,14 @@ import textwrap
 from collections import Counter
 from dataclasses import dataclass
 
-import numpy as np
-
 from closedchain.analysis.structure.driving import driving
+from closedchain.analysis.structure.hinges import pairs_of_tree, symbol_of
 from closedchain.closure.closures import Coupling
 from closedchain.closure.generic import GenericRank, generic_ranks, sampled_rank
-from closedchain.closure.joint_kinds import BY_SYMBOL, JOINT_KINDS, TREE_KINDS
+from closedchain.closure.joint_kinds import BY_SYMBOL, JOINT_KINDS
 from closedchain.closure.mechanism import Mechanism
 from closedchain.closure.ranks import Rank
-from closedchain.closure.tree import se3
-from closedchain.urdf.description import Description, Joint
+from closedchain.urdf.description import Description
 
 
 @dataclass(frozen=True)
@@ -25,8 +23,8 @@ class Mobility:
     Attributes
     ----------
     links : int
-        Bodies, the base included; a universal joint's cross link is no body, nor is the rod of a
-        distance closure.
+        Bodies, the base included; the cross links of universal joints and balls are no bodies, nor
+        are the rods of distance closures.
     pairs : int
         Kinematic pairs, cut joints included; a universal or spherical joint is one pair.
     freedoms : int
@@ -107,39 +105,12 @@ def _bodies(description: Description) -> int:
 
 
 def _pairs(description: Description) -> tuple[Counter[str], int]:
-    """Pairs by symbol, and the number of cross links swallowed by universal joints."""
-    crosses = [j for j in description.joints if is_cross_link(description, j)]
-    counts: Counter[str] = Counter()
-    for joint in description.joints:
-        if joint.type not in {"fixed", "floating"}:
-            counts[TREE_KINDS[joint.type].symbol] += 1
-    counts["R"] -= 2 * len(crosses)
-    counts["U"] += len(crosses)
+    """Pairs by symbol, and the number of links swallowed by pairs that are several joints."""
+    rows = pairs_of_tree(description)
+    counts: Counter[str] = Counter(map(symbol_of, rows))
     for closure in description.closures:
         counts[JOINT_KINDS[closure.type].symbol] += 1
-    return Counter({symbol: n for symbol, n in counts.items() if n}), len(crosses)
-
-
-def is_cross_link(description: Description, joint: Joint) -> bool:
-    """Whether the joint's child is the cross link of a universal joint.
-
-    That is: a body without anything else on it that carries one revolute joint, whose axis meets
-    the joint's own axis at a right angle. Two joints that are both inputs are two pairs, with a
-    body between them that one drive moves and the other stands on.
-    """
-    if joint.type != "revolute":
-        return False
-    following = [j for j in description.joints if j.parent == joint.child]
-    used = {c.parent for c in description.closures} | {c.child for c in description.closures}
-    if len(following) != 1 or following[0].type != "revolute" or joint.child in used:
-        return False
-    second = following[0]
-    if {joint.name, second.name} <= {spec.joint for spec in description.inputs}:
-        return False
-    axis = se3(second.origin).rotation @ np.array(second.axis)
-    return bool(
-        np.allclose(second.origin.xyz, 0.0, atol=1e-12) and abs(axis @ np.array(joint.axis)) < 1e-9
-    )
+    return counts, sum(len(row) - 1 for row in rows)
 
 
 def _freedoms(symbol: str) -> int:
