@@ -13,10 +13,10 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from closedchain.analysis.first_order import FirstOrder, first_order
+from closedchain.analysis.first_order import first_order
 from closedchain.analysis.singularity.deciding import Deciding
 from closedchain.closure.mechanism import Mechanism
-from closedchain.closure.ranks import Rank, kernel, least_solution
+from closedchain.closure.ranks import Rank
 from closedchain.urdf.errors import ClosureError
 
 _CONSISTENT = 1e-9  # dimensionless rate by which given input rates may miss the loops' demands
@@ -71,16 +71,17 @@ def acceleration(
     at = first_order(mechanism, q, "x y z rx ry rz")  # the whole tip must be determined
     va = mechanism.input_vector(v_inputs, "input velocities")
     aa = mechanism.input_vector(a_inputs, "input accelerations")
-    rank = Deciding(at).locked.rank
-    free = kernel(at.K_passive, mechanism.passive_v.size - rank.value)
+    decided = Deciding(at)
+    rank = decided.locked.rank
+    free = decided.passive_factors.kernel(mechanism.passive_v.size - rank.value)
     if np.abs(at.J[:, mechanism.passive_v] @ free).max(initial=0.0) > _CONSISTENT:
         raise ClosureError(
             f"the inputs do not determine the tip's motion: K_p has {rank}, "
             f"{mechanism.passive_v.size} needed (a direct singularity, or too few inputs)"
         )
-    qdot = _joints(at, rank, (va, np.zeros(mechanism.rows)), "velocities")
+    qdot = _joints(decided, (va, np.zeros(mechanism.rows)), "velocities")
     drift = mechanism.workspace.drift(at.q, qdot)
-    qddot = _joints(at, rank, (aa, drift), "accelerations")
+    qddot = _joints(decided, (aa, drift), "accelerations")
     model, data = mechanism.model, mechanism.workspace.data
     pin.forwardKinematics(model, data, at.q, qdot, qddot)
     tip = model.frames[mechanism.frame_id(mechanism.required_task().tip)]
@@ -94,15 +95,13 @@ def acceleration(
     )
 
 
-def _joints(
-    at: FirstOrder, rank: Rank, wanted_of: tuple[np.ndarray, np.ndarray], what: str
-) -> np.ndarray:
-    """All joint rates (nv,) with K rates = -drift and the inputs' as given, K_p of a rank."""
-    m, (inputs, drift) = at.mechanism, wanted_of
+def _joints(decided: Deciding, wanted_of: tuple[np.ndarray, np.ndarray], what: str) -> np.ndarray:
+    """All joint rates (nv,) with K rates = -drift and the inputs' as given, of (inputs, drift)."""
+    at, m, (inputs, drift) = decided.at, decided.at.mechanism, wanted_of
     a, p = m.input_v, m.passive_v
     scaled = inputs / at.column_unit[a]
     wanted = -at.K[:, a] @ scaled - drift / at.row_unit
-    passive, _ = least_solution(at.K_passive, wanted, rank.value)
+    passive = decided.passive_factors.solve(wanted, decided.locked.rank.value)
     miss = np.abs(at.K_passive @ passive - wanted).max(initial=0.0)
     if miss > _CONSISTENT * (1.0 + np.abs(wanted).max(initial=0.0)):
         raise ClosureError(

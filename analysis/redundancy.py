@@ -15,9 +15,9 @@ from closedchain.analysis.singularity.classify import SINGULAR
 from closedchain.analysis.singularity.deciding import Deciding
 from closedchain.analysis.structure.driving import driving
 from closedchain.analysis.structure.mobility import generic_rank
-from closedchain.analysis.velocity import velocity
+from closedchain.analysis.velocity import velocity_at
 from closedchain.closure.mechanism import Mechanism, finite_vector
-from closedchain.closure.ranks import Rank, kernel
+from closedchain.closure.ranks import Rank
 from closedchain.urdf.errors import ClosureError, known_names
 
 _LISTED = 8  # choices that must not be locked, in the text
@@ -183,8 +183,10 @@ def redundancy(
         Malformed or open posture, unknown outputs, no task.
     """
     at = first_order(mechanism, q, outputs)
-    rank = Deciding(at).held.rank
-    basis = _by_inputs(kernel(at.stacked, mechanism.model.nv - rank.value), mechanism.input_v)
+    decided = Deciding(at)
+    rank = decided.held.rank
+    still = decided.stacked_factors.kernel(mechanism.model.nv - rank.value)
+    basis = _by_inputs(still, mechanism.input_v)
     joints = basis * at.column_unit[:, None]
     inputs = joints[mechanism.input_v]
     sizes = np.linalg.norm(inputs, axis=0)
@@ -198,7 +200,7 @@ def redundancy(
     mobility = mechanism.model.nv - generic_rank(mechanism)
     generic = max(mobility - len(at.outputs), 0)
     surplus = len(mechanism.inputs) - mobility
-    twist_map = velocity(mechanism, at.q, at.outputs).twist_map if surplus == 0 else None
+    twist_map = velocity_at(decided).twist_map if surplus == 0 else None
     units = at.output_unit, at.column_unit[mechanism.input_v]
     locks = {} if twist_map is None else _locks(mechanism.inputs, twist_map, generic, units)
     return Redundancy(

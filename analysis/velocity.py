@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from closedchain.analysis.first_order import first_order
 from closedchain.analysis.singularity.deciding import Deciding
 from closedchain.closure.mechanism import Mechanism
-from closedchain.closure.ranks import Rank, kernel, least_solution
+from closedchain.closure.ranks import Rank, decomposed
 
 _IDLE = 1e-9  # dimensionless rate below which the tip, or a loop, counts as at rest
 
@@ -65,21 +65,25 @@ def velocity(
     ClosureError
         Malformed or open posture, unknown outputs, no task.
     """
-    at = first_order(mechanism, q, outputs)
-    decided = Deciding(at)
+    return velocity_at(Deciding(first_order(mechanism, q, outputs)))
+
+
+def velocity_at(decided: Deciding) -> Velocity:
+    """Relate the rates at a posture whose ranks are decided, see ``velocity``."""
+    at, mechanism = decided.at, decided.at.mechanism
     a, p = mechanism.input_v, mechanism.passive_v
     rows = at.K.shape[0]
     # rows that combine closures only, W_J = 0, hold identically and are left out
-    idle = kernel(at.K.T, rows - decided.closures.rank.value)
+    idle = decided.factors.left_kernel(rows - decided.closures.rank.value)
     idle = np.vstack([idle, np.zeros((at.J.shape[0], idle.shape[1]))])
-    unseen = decided.motions.size - decided.ranks.together  # motions with all of it at rest
-    seen = rows + at.J.shape[0] - idle.shape[1] - p.size + unseen
-    left = kernel(np.vstack([at.stacked[:, p].T, idle.T]), seen)
+    count = rows + at.J.shape[0] - idle.shape[1] - p.size + decided.unseen
+    left = decomposed(np.vstack([at.stacked[:, p].T, idle.T])).kernel(count)
     w_closures, w_outputs = left[:rows].T, left[rows:].T
     jx = w_outputs / at.output_unit
     jq = (w_outputs @ at.J[:, a] + w_closures @ at.K[:, a]) / at.column_unit[a]
-    rank = decided.locked.rank
-    passive, free = least_solution(at.K_passive, -at.K[:, a], rank.value)
+    rank, factors = decided.locked.rank, decided.passive_factors
+    passive = factors.solve(-at.K[:, a], rank.value)
+    free = factors.kernel(p.size - rank.value)
     # idle motions, such as a rod's spin between its two spherical joints, leave the tip at rest
     moved = np.abs(at.J[:, p] @ free).max(initial=0.0)
     missed = np.abs(at.K_passive @ passive + at.K[:, a]).max(initial=0.0)

@@ -84,28 +84,52 @@ def independent_rows(matrices: np.ndarray, rank: int) -> tuple[int, ...]:
     return tuple(sorted(chosen))
 
 
+@dataclass(frozen=True, eq=False)
+class Factors:
+    """Singular value decomposition of a matrix (rows, columns) whose rank is decided elsewhere.
+
+    Attributes
+    ----------
+    u : (rows, rows) array
+    s : (min(rows, columns),) array
+        Falling.
+    vt : (columns, columns) array
+    """
+
+    u: np.ndarray
+    s: np.ndarray
+    vt: np.ndarray
+
+    def kernel(self, dimension: int) -> np.ndarray:
+        """Orthonormal null space (columns, dimension)."""
+        return np.ascontiguousarray(self.vt[len(self.vt) - dimension :].T)
+
+    def left_kernel(self, dimension: int) -> np.ndarray:
+        """Orthonormal null space (rows, dimension) of the transpose."""
+        return np.ascontiguousarray(self.u[:, len(self.u) - dimension :])
+
+    def solve(self, wanted: np.ndarray, rank: int) -> np.ndarray:
+        """Least-squares solution of least norm for ``wanted`` (rows,) or (rows, k)."""
+        target = self.u[:, :rank].T @ wanted
+        return np.asarray(self.vt[:rank].T @ (target.T / self.s[:rank]).T)
+
+
+def decomposed(matrix: np.ndarray) -> Factors:
+    """Singular value decomposition of a matrix, empty ones included."""
+    if 0 in matrix.shape:
+        rows, columns = matrix.shape
+        return Factors(np.eye(rows), np.zeros(0), np.eye(columns))
+    return Factors(*np.linalg.svd(matrix))
+
+
 def kernel(matrix: np.ndarray, dimension: int) -> np.ndarray:
     """Orthonormal null space (columns, dimension) of a matrix whose rank is decided elsewhere."""
-    columns = matrix.shape[1]
-    if not dimension or not matrix.shape[0]:
-        return np.eye(columns)[:, columns - dimension :]
-    return np.ascontiguousarray(np.linalg.svd(matrix)[2][columns - dimension :].T)
+    return decomposed(matrix).kernel(dimension)
 
 
 def least_solution(
     matrix: np.ndarray, wanted: np.ndarray, rank: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Least-squares solution of least norm for a rank decided elsewhere, and the null space.
-
-    Parameters
-    ----------
-    matrix : (rows, columns) array
-    wanted : (rows,) or (rows, k) array
-    """
-    if 0 in matrix.shape:
-        columns = matrix.shape[1]
-        return np.zeros((columns, *wanted.shape[1:])), np.eye(columns)
-    u, s, vt = np.linalg.svd(matrix)
-    target = u[:, :rank].T @ wanted
-    solved = vt[:rank].T @ (target.T / s[:rank]).T
-    return np.asarray(solved), np.ascontiguousarray(vt[rank:].T)
+    """``Factors.solve`` for a matrix, and its null space (columns, columns - rank)."""
+    factors = decomposed(matrix)
+    return factors.solve(wanted, rank), factors.kernel(matrix.shape[1] - rank)

@@ -138,7 +138,7 @@ def classify(
     sigma = {
         "direct": float(sigma_direct(v, generic)),
         "inverse": float(sigma_inverse(v, generic)),
-        "constraint": float(entry(decided.values["constraint"], generic_rank(mechanism))),
+        "constraint": float(entry(decided.factors.s, generic_rank(mechanism))),
     }
     found = determinants(mechanism, at.K[None], at.J[None])
     dets = {kind: None if value is None else float(value[0]) for kind, value in found.items()}

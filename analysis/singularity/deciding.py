@@ -31,7 +31,7 @@ from closedchain.analysis.singularity.sets.bordered import Measure
 from closedchain.analysis.structure.mobility import generic_rank
 from closedchain.closure.generic import GenericRanks, generic_ranks
 from closedchain.closure.joint_rates import physical_rates
-from closedchain.closure.ranks import Rank, rank_of_singular_values
+from closedchain.closure.ranks import Factors, Rank, decomposed, rank_of_singular_values
 
 NEAR = 1e-5
 """Share of its scale above which a singular value counts without a distance."""
@@ -69,55 +69,80 @@ class Deciding:
         return generic_ranks(self.at.mechanism, self.at.outputs)
 
     @cached_property
-    def values(self) -> Mapping[str, np.ndarray]:
-        """Singular values, falling, of the matrix of each kind; K's come with ``basis``."""
-        return {
-            "direct": _values(self.at.K_passive),
-            "inverse": _values(self.at.stacked),
-            "constraint": self._closures[0],
-        }
+    def factors(self) -> Factors:
+        """Singular value decomposition of K."""
+        return decomposed(self.at.K)
 
     @cached_property
-    def _closures(self) -> tuple[np.ndarray, np.ndarray]:
-        nv = self.at.mechanism.model.nv
-        if not self.at.K.shape[0]:
-            return np.zeros(0), np.eye(nv)
-        _, s, vt = np.linalg.svd(self.at.K)
-        return s, vt
+    def passive_factors(self) -> Factors:
+        """Singular value decomposition of K_p."""
+        return decomposed(self.at.K_passive)
+
+    @cached_property
+    def stacked_factors(self) -> Factors:
+        """Singular value decomposition of [K; J]."""
+        return decomposed(self.at.stacked)
 
     @cached_property
     def closures(self) -> Decision:
         """Rank of K."""
-        s, r = self.values["constraint"], generic_rank(self.at.mechanism)
+        s, r = self.factors.s, generic_rank(self.at.mechanism)
         rank, nearest = self._kept("constraint", s / max(1.0, s.max(initial=0.0)), r, r)
         return Decision(_cut(s, rank), nearest)
 
-    @property
+    @cached_property
     def lost(self) -> int:
         """Ranks that K lacks here."""
         return generic_rank(self.at.mechanism) - self.closures.rank.value
 
     @cached_property
+    def inputs(self) -> Decision:
+        """Rank of A."""
+        v, g = self.motions, self.generic
+        idle = g.motions - g.inputs.value
+        generic = self.at.mechanism.passive_v.size - idle
+        rank, nearest = self._kept("direct", self._inputs.s, v.size - idle, generic)
+        return Decision(_cut(self._inputs.s, rank), nearest)
+
+    @cached_property
+    def outputs(self) -> Decision:
+        """Rank of T."""
+        s, d = self._outputs.s, self.generic.outputs.value
+        values = s / max(self.generic.output_scale, s.max(initial=0.0))
+        # motions that only a constraint singularity has may produce outputs beyond the generic ones
+        more = int((values[d:] > NEAR).sum()) if self.lost else 0
+        rank, nearest = self._kept("inverse", values, d, generic_rank(self.at.mechanism) + d)
+        return Decision(_cut(s, rank + more), nearest)
+
+    @cached_property
     def locked(self) -> Decision:
         """Rank of K_p: its kernel are the motions with all inputs locked."""
-        v, g, columns = self.motions, self.generic, self.at.mechanism.passive_v.size
-        generic = columns - g.motions + g.inputs.value
-        driven = v.size - g.motions + g.inputs.value
-        rank, nearest = self._kept("direct", _values(v.inputs), driven, generic)
-        return Decision(_cut(self.values["direct"], columns - v.size + rank), nearest)
+        free = self.motions.size - self.inputs.rank.value
+        s, columns = self.passive_factors.s, self.at.mechanism.passive_v.size
+        return Decision(_cut(s, columns - free), self.inputs.nearest)
 
     @cached_property
     def held(self) -> Decision:
         """Rank of [K; J]: its kernel are the motions with all outputs at rest."""
-        v, d = self.motions, self.generic.outputs.value
-        values = _values(v.outputs) / output_scale(v, self.generic)
-        # motions that only a constraint singularity has may produce outputs beyond the generic ones
-        more = int((values[d:] > NEAR).sum()) if self.lost else 0
-        generic = generic_rank(self.at.mechanism) + d
-        rank, nearest = self._kept("inverse", values, d, generic)
-        return Decision(
-            _cut(self.values["inverse"], self.closures.rank.value + rank + more), nearest
-        )
+        rank = self.closures.rank.value + self.outputs.rank.value
+        return Decision(_cut(self.stacked_factors.s, rank), self.outputs.nearest)
+
+    @cached_property
+    def unseen(self) -> int:
+        """Dimension of the motions with all inputs and all outputs at rest."""
+        free = self.motions.size - self.inputs.rank.value
+        if not free:
+            return 0
+        still = self.motions.size - self.outputs.rank.value
+        return _common(self._inputs.kernel(free), self._outputs.kernel(still))
+
+    @cached_property
+    def _inputs(self) -> Factors:
+        return decomposed(self.motions.inputs)
+
+    @cached_property
+    def _outputs(self) -> Factors:
+        return decomposed(self.motions.outputs)
 
     @cached_property
     def motions(self) -> ClosedMotions:
@@ -126,7 +151,7 @@ class Deciding:
 
     def motions_for(self, rank: int) -> ClosedMotions:
         """The closed motions, as many as a rank of K leaves."""
-        at, basis = self.at, np.ascontiguousarray(self._closures[1][rank:].T)
+        at, basis = self.at, self.factors.kernel(self.at.mechanism.model.nv - rank)
         return closed_motions(at.mechanism, basis, physical_rates(at.mechanism, at.q), at.J)
 
     @cached_property
@@ -134,28 +159,22 @@ class Deciding:
         """The nearest singular posture of each kind; all are direct where inputs are missing."""
         everywhere = Nearest(0.0, self.place(self.lost).accuracy)
         return {
-            "direct": everywhere if self.generic.undriven else self.locked.nearest,
-            "inverse": self.held.nearest,
+            "direct": everywhere if self.generic.undriven else self.inputs.nearest,
+            "inverse": self.outputs.nearest,
             "constraint": self.closures.nearest,
         }
 
     @cached_property
     def ranks(self) -> Ranks:
         """Ranks of K, A, T and [A; T]."""
-        v, nv = self.motions, self.at.mechanism.model.nv
-        free = self.at.mechanism.passive_v.size - self.locked.rank.value
-        still = nv - self.held.rank.value
+        size = self.motions.size
         return Ranks(
-            self.closures.rank,
-            _cut(_values(v.inputs), v.size - free),
-            _cut(_values(v.outputs), v.size - still),
-            v.size - _common(v.inputs, free, v.outputs, still),
-            v.size,
+            self.closures.rank, self.inputs.rank, self.outputs.rank, size - self.unseen, size
         )
 
     def place(self, lost: int | None = None) -> Place:
         """The posture, where K lacks ``lost`` ranks; None while that is not decided."""
-        at, s, r = self.at, self._closures[0], generic_rank(self.at.mechanism)
+        at, s, r = self.at, self.factors.s, generic_rank(self.at.mechanism)
         residual = float(np.abs(at.values / at.row_unit).max(initial=0.0))
         counted = int((s[:r] > NEAR * s[:1]).sum()) if lost is None else r - lost
         least = float(s[counted - 1]) if counted else 1.0
@@ -199,14 +218,14 @@ class ByShare:
         return Deciding(self.at)
 
     @property
-    def values(self) -> Mapping[str, np.ndarray]:
-        """As ``Deciding`` has them."""
-        return self._decided.values
+    def factors(self) -> Factors:
+        """Singular value decomposition of K."""
+        return self._decided.factors
 
     @cached_property
     def closures(self) -> Rank:
         """Rank of K."""
-        return rank_of_singular_values(self.values["constraint"], self.tolerance)
+        return rank_of_singular_values(self.factors.s, self.tolerance)
 
     @cached_property
     def motions(self) -> ClosedMotions:
@@ -222,7 +241,7 @@ class ByShare:
     def nearest(self) -> Mapping[str, Nearest]:
         """Shares and the tolerance."""
         v, generic = self.motions, self._decided.generic
-        s, scale = self.values["constraint"], output_scale(self.motions, generic)
+        s, scale = self.factors.s, output_scale(self.motions, generic)
         shares = {
             "direct": float(sigma_direct(v, generic)),
             "inverse": float(sigma_inverse(v, generic)) / scale,
@@ -233,30 +252,15 @@ class ByShare:
         return {kind: Nearest(share, self.tolerance) for kind, share in shares.items()}
 
 
-def _values(matrix: np.ndarray) -> np.ndarray:
-    if 0 in matrix.shape:
-        return np.zeros(0)
-    return np.asarray(np.linalg.svd(matrix, compute_uv=False))
-
-
 def _cut(s: np.ndarray, rank: int) -> Rank:
     """Rank with the singular values (falling) on both sides of it."""
     above = float(s[rank - 1]) if 0 < rank <= s.size else 0.0
     return Rank(rank, above, float(s[rank]) if rank < s.size else 0.0)
 
 
-def _common(one: np.ndarray, in_one: int, two: np.ndarray, in_two: int) -> int:
-    """Dimension of what the kernels of two matrices, of given dimensions, have in common."""
-    if not in_one or not in_two:
+def _common(one: np.ndarray, two: np.ndarray) -> int:
+    """Dimension of what two spaces of motions, orthonormal columns (m, k), have in common."""
+    if not one.shape[1] or not two.shape[1]:
         return 0
-    first, second = _kernel(one, in_one), _kernel(two, in_two)
-    cosines = np.linalg.svd(first @ second.T, compute_uv=False)
+    cosines = np.linalg.svd(one.T @ two, compute_uv=False)
     return int((cosines**2 > 1.0 - SAME).sum())
-
-
-def _kernel(matrix: np.ndarray, dimension: int) -> np.ndarray:
-    """Orthonormal motions (dimension, m) that a matrix takes to zero, or most nearly so."""
-    m = matrix.shape[1]
-    if not matrix.shape[0]:
-        return np.eye(m)[:dimension]
-    return np.asarray(np.linalg.svd(matrix)[2][m - dimension :])
