@@ -168,15 +168,15 @@ requestAnimationFrame(step);
 """
 
 
-_SCRIPT = re.compile(r"<script>(.*?)</script>", re.S)
+_SCRIPT = re.compile(r'<script(?: type="module")?>(.*?)</script>', re.S)
 _POLICY = (
     "default-src 'none'; script-src {digests}; style-src 'unsafe-inline'; img-src data: blob:; "
     "base-uri 'none'; form-action 'none'"
 )
 
 
-def page(title: str, legend: str, commands: Sequence[bytes], rest: str) -> str:
-    """Put a page together; ``legend`` and ``rest`` are HTML."""
+def page(title: str, legend: str, commands: Sequence[bytes], rest: str, style: str = "") -> str:
+    """Put a page together; ``legend`` and ``rest`` are HTML, ``style`` is more CSS."""
     library = (files("meshcat") / "viewer" / "dist" / "main.min.js").read_text(encoding="utf-8")
     encoded = ",\n".join(f'"{base64.b64encode(command).decode()}"' for command in commands)
     name = html.escape(title)
@@ -188,7 +188,7 @@ def page(title: str, legend: str, commands: Sequence[bytes], rest: str) -> str:
     return (
         '<!DOCTYPE html>\n<html lang="en">\n<head><meta charset="utf-8">\n'
         f'<meta http-equiv="Content-Security-Policy" content="{_policy(body)}">\n'
-        f"<title>{name}</title>\n<style>{_STYLE}</style></head>\n{body}"
+        f"<title>{name}</title>\n<style>{_STYLE}{style}</style></head>\n{body}"
     )
 
 
@@ -197,6 +197,13 @@ def _policy(body: str) -> str:
     digests = (sha256(script.encode()).digest() for script in _SCRIPT.findall(body))
     known = " ".join(f"'sha256-{base64.b64encode(digest).decode()}'" for digest in digests)
     return _POLICY.format(digests=known)
+
+
+def module_script(text: str) -> str:
+    """A script that is a module. Raises ``ValueError`` for text that would end it early."""
+    if "</script" in text.lower() or "<!--" in text:
+        raise ValueError("this text cannot stand in a script of a page")
+    return f'<script type="module">{text}</script>\n'
 
 
 def json_in_script(data: Any) -> str:

@@ -54,30 +54,12 @@ def player_data(
 ) -> str:
     """JSON for the player; ``kept`` are the indices of the postures that the page shows."""
     poses = joint_poses(mechanism, animation.q[kept])
-    used = sorted(
-        {
-            joint
-            for part in bodies.parts
-            for joint in (
-                (part.begin[0], part.end[0]) if isinstance(part, Stick) else (part.joint,)
-            )
-        }
-    )
-    place = {joint: i for i, joint in enumerate(used)}
+    used, parts, sticks = moving(bodies)
     table = np.zeros((len(kept), len(used) + len(balls), 7), dtype="<f4")
     table[:, :, 6] = 1.0
-    for joint, i in place.items():
+    for i, joint in enumerate(used):
         table[:, i, :3] = poses[:, joint, :3, 3]
         table[:, i, 3:] = [pin.Quaternion(pose[:3, :3]).coeffs() for pose in poses[:, joint]]
-    parts: list[dict[str, Any]] = []
-    sticks: list[dict[str, Any]] = []
-    for part in bodies.parts:
-        if isinstance(part, Stick):
-            ends = [{"body": place[j], "at": _rounded(p)} for j, p in (part.begin, part.end)]
-            sticks.append({"path": part.path, "ends": ends, "length": part.length})
-        else:
-            matrix = _rounded(part.placement.T.ravel())  # three.js takes columns
-            parts.append({"path": part.path, "body": place[part.joint], "matrix": matrix})
     for i, (path, line) in enumerate(balls, start=len(used)):
         table[:, i, :3] = line.points[kept]
         parts.append({"path": path, "body": i, "matrix": _rounded(np.eye(4).ravel())})
@@ -90,6 +72,26 @@ def player_data(
         "readouts": [_shortened(readout.values[kept]) for readout in animation.readouts],
     }
     return json_in_script(data)
+
+
+def moving(bodies: Bodies) -> tuple[list[int], list[dict[str, Any]], list[dict[str, Any]]]:
+    """Joints that carry what is drawn, and the parts and sticks, by the joints' places in these."""
+    carriers = [
+        (part.begin[0], part.end[0]) if isinstance(part, Stick) else (part.joint,)
+        for part in bodies.parts
+    ]
+    used = sorted({joint for joints in carriers for joint in joints})
+    place = {joint: i for i, joint in enumerate(used)}
+    parts: list[dict[str, Any]] = []
+    sticks: list[dict[str, Any]] = []
+    for part in bodies.parts:
+        if isinstance(part, Stick):
+            ends = [{"body": place[j], "at": _rounded(p)} for j, p in (part.begin, part.end)]
+            sticks.append({"path": part.path, "ends": ends, "length": part.length})
+        else:
+            matrix = _rounded(part.placement.T.ravel())  # three.js takes columns
+            parts.append({"path": part.path, "body": place[part.joint], "matrix": matrix})
+    return used, parts, sticks
 
 
 def readout_rows(animation: Animation, kept: np.ndarray) -> str:

@@ -19,6 +19,7 @@ from lxml import etree
 from numpy.typing import ArrayLike
 
 from closedchain.closure import Mechanism
+from closedchain.robots import _controls as instrument
 from closedchain.robots._overlays import Overlay, legend_of
 from closedchain.robots._page import labels, page, player
 from closedchain.robots._player import draw_balls, player_data, readout_rows, trace_lines
@@ -62,6 +63,7 @@ def static_page(
     overlays: Sequence[Overlay] = (),
     animation: Animation | None = None,
     title: str | None = None,
+    controls: bool = False,
 ) -> str:
     """Draw a mechanism as one HTML page that needs nothing but a browser.
 
@@ -81,27 +83,36 @@ def static_page(
         posture at 0.5 s and does not play.
     title : str, optional
         Heading; the mechanism's name by default.
+    controls : bool
+        Whether sliders move the inputs and the tip, with read-outs; not with an animation. The
+        page then solves the position problems itself, by the module of ``cc.export_code``.
 
     Raises
     ------
     ClosureError
-        Malformed ``q``, ``up``, overlays or animation, or both ``q`` and an animation.
+        Malformed ``q``, ``up``, overlays or animation, or an animation with ``q`` or controls.
     """
     if up not in TO_Z:
         raise ClosureError(f"up must be x, y or z, got {up!r}")
     if animation is not None and q is not None:
         raise ClosureError("give a posture q or an animation, not both")
+    if animation is not None and controls:
+        raise ClosureError("a page has controls or plays an animation, not both")
     overlays = tuple(overlays)
     for item in overlays:
         if not isinstance(item, Polyline | Surface | Markers | Box):
             raise ClosureError(
                 f"overlays must be Polyline, Surface, Markers or Box, got {type(item).__name__}"
             )
-    recorder = Recorder()
+    recorder, style = Recorder(), ""
     if animation is None:
         q = mechanism.configuration(mechanism.home if q is None else q)
         scene = draw(recorder, mechanism, q[None], up, overlays)
         lines, rest = _state(mechanism, q), ""
+        if controls:
+            unmoved = instrument.immovable(mechanism, q)
+            lines, style = [*lines, unmoved] if unmoved else [], instrument.style()
+            rest = "" if unmoved else instrument.controls(mechanism, q, scene.bodies)
     else:
         checked_postures(mechanism, animation.q)
         traces = trace_lines(mechanism, animation)
@@ -120,6 +131,7 @@ def static_page(
         _legend(mechanism, [*lines, *scene.bodies.notes], legend_of(overlays)),
         recorder.commands,
         labels(scene.root, texts) + rest,
+        style,
     )
 
 
@@ -131,20 +143,31 @@ def serve(
     overlays: Sequence[Overlay] = (),
     animation: Animation | None = None,
     title: str | None = None,
+    controls: bool = False,
     open_browser: bool = False,
+    port: int = 0,
 ) -> Served:
     """Serve the page on this machine only, until ``close``; usable in a ``with`` statement.
 
-    The arguments are those of ``static_page``.
+    The arguments are those of ``static_page``; a ``port`` of 0 is a free one.
 
     Raises
     ------
     ClosureError
         As ``static_page``.
+    OSError
+        The port is taken.
     """
-    served = Served(
-        static_page(mechanism, q, up=up, overlays=overlays, animation=animation, title=title)
+    text = static_page(
+        mechanism,
+        q,
+        up=up,
+        overlays=overlays,
+        animation=animation,
+        title=title,
+        controls=controls,
     )
+    served = Served(text, port)
     if open_browser:
         webbrowser.open(served.url)
     return served
@@ -153,7 +176,7 @@ def serve(
 class Served:
     """A page at a local address."""
 
-    def __init__(self, page: str) -> None:
+    def __init__(self, page: str, port: int = 0) -> None:
         content = page.encode()
 
         class Handler(BaseHTTPRequestHandler):
@@ -169,7 +192,7 @@ class Served:
             def log_message(self, format: str, *args: object) -> None:
                 pass
 
-        self._server = ThreadingHTTPServer(("127.0.0.1", 0), Handler)
+        self._server = ThreadingHTTPServer(("127.0.0.1", port), Handler)
         self._thread = threading.Thread(target=self._server.serve_forever, daemon=True)
         self._thread.start()
 

@@ -36,6 +36,7 @@ from closedchain._options import (
     Workers,
     reads_a_file,
 )
+from closedchain._postures_command import postures
 from closedchain._statics_command import statics
 from closedchain._terminal import fail, print_json, remark, say
 from closedchain._transmission_command import transmission
@@ -204,6 +205,9 @@ def view(
         Path | None, typer.Option(metavar="FILE", help="Write one HTML page and exit.")
     ] = None,
     open_browser: Annotated[bool, typer.Option("--open", help="Open a browser.")] = False,
+    port: Annotated[
+        int, typer.Option(min=0, max=65535, help="Port to serve at; a free one by default.")
+    ] = 0,
     up: Annotated[
         str | None, typer.Option(metavar="x|y|z", help="World axis that points up.")
     ] = None,
@@ -211,7 +215,7 @@ def view(
     variant: Variant = None,
     no_xacro: NoXacro = False,
 ) -> None:
-    """Show a posture in a browser, or write it as a page."""
+    """Show a robot in a browser, or write it as a page: sliders move it, its loops stay closed."""
     from closedchain.robots.viewer import serve, static_page
 
     upwards = arguments.up_axis(robot, up)
@@ -220,12 +224,13 @@ def view(
         remark(note)
     q = _posture(mechanism, values)
     if html is not None:
-        html.write_text(static_page(mechanism, q, up=upwards), encoding="utf-8")
+        html.write_text(static_page(mechanism, q, up=upwards, controls=True), encoding="utf-8")
         say(str(html))
         if open_browser:
             typer.launch(html.absolute().as_uri())
         return
-    with serve(mechanism, q, up=upwards, open_browser=open_browser) as page:
+    shown = serve(mechanism, q, up=upwards, open_browser=open_browser, controls=True, port=port)
+    with shown as page:
         say(f"{page.url}  (Ctrl-C ends)")
         page.wait()
 
@@ -334,6 +339,7 @@ def plot(
 app.command()(reads_a_file(follow))
 app.command()(reads_a_file(closed_forms))
 app.command()(reads_a_file(export))
+app.command()(reads_a_file(postures))
 app.command()(reads_a_file(statics))
 app.command()(reads_a_file(transmission))
 

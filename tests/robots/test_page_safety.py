@@ -67,6 +67,18 @@ def named_page(name: str, visual: str = "") -> str:
 
 
 @pytest.mark.parametrize("name", NAMES)
+def test_names_beside_sliders_are_text(name: str) -> None:
+    page = static_page(cc.load_urdf(crank(name)), controls=True)
+    outside = re.sub(r"(<script[^>]*>)(.*?)</script>", r"\1</script>", page, flags=re.S)
+    assert outside.count("<script") == 4  # library, drawing, data, the robot's module
+    for mark in ("<!--", "<img", 'onerror="', 'onload="'):
+        assert mark not in outside
+    (module,) = re.findall(r'<script type="module">(.*?)</script>', page, re.S)
+    digest = base64.b64encode(hashlib.sha256(module.encode()).digest()).decode()
+    assert f"'sha256-{digest}'" in page
+
+
+@pytest.mark.parametrize("name", NAMES)
 def test_names_are_text(name: str) -> None:
     page = named_page(name)
     # with our scripts taken out, no markup is left that we did not write

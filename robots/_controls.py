@@ -1,0 +1,188 @@
+"""The instrument of a page: sliders and numbers, read-outs, and the robot's own module of code."""
+
+from __future__ import annotations
+
+import html
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from importlib.resources import files
+
+import numpy as np
+
+from closedchain.closure import Mechanism
+from closedchain.closure.code.exporting import export_code
+from closedchain.robots._body import Bodies
+from closedchain.robots._page import json_in_script, module_script
+from closedchain.robots._player import moving
+from closedchain.urdf.description import OUTPUTS
+from closedchain.urdf.errors import ClosureError
+
+SINGULAR = 1e-6
+"""Singular value below which the page calls a posture singular; LAPACK decides finer."""
+
+NEAR = 0.03
+"""Singular value below which a way that stops is said to have met a singularity."""
+
+TURN = math.pi
+WIDEST = 4.0 * math.pi  # range of a joint [rad] that a slider still shows whole
+ANGLES = ("roll", "pitch", "yaw")
+
+
+@dataclass(frozen=True)
+class Knob:
+    """What a slider moves: an input, or a coordinate of the tip, number ``at`` of ``way``."""
+
+    way: str
+    at: int
+    name: str
+    unit: str
+    lower: float
+    upper: float
+
+
+def immovable(mechanism: Mechanism, q: np.ndarray) -> str:
+    """Why a page has nothing to move, in a sentence; empty where it has."""
+    if not mechanism.inputs and mechanism.task is None:
+        return "nothing can be moved here: there are no inputs and no task"
+    if mechanism.rows and np.abs(mechanism.workspace.residual(q)).max() > 1e-6:
+        return "nothing can be moved here: the loops are open"
+    return ""
+
+
+def controls(mechanism: Mechanism, q: np.ndarray, bodies: Bodies) -> str:
+    """HTML of the instrument, at a closed posture (nq,)."""
+    (module,) = export_code(mechanism, "js", name="robot").values()
+    knobs = list(_knobs(mechanism, bodies.size))
+    measured = bool(mechanism.inputs) and mechanism.task is not None
+    used, parts, sticks = moving(bodies)
+    data = {
+        "start": q.tolist(),
+        "bodies": used,
+        "parts": parts,
+        "sticks": sticks,
+        "knobs": [{"way": k.way, "at": k.at} for k in knobs],
+        "postures": [{"q": posture.tolist()} for _, posture in _postures(mechanism)],
+        "measured": measured,
+        "singular": SINGULAR,
+        "near": NEAR,
+    }
+    script = (files("closedchain.robots") / "controls.js").read_text(encoding="utf-8")
+    return (
+        '<div id="controls" role="group" aria-label="instrument">\n'
+        + _rows(knobs)
+        + '<p id="stop" class="told" role="alert" hidden></p>\n'
+        + '<p id="limits" class="told" role="status" hidden></p>\n'
+        + _readouts(mechanism, measured)
+        + _buttons(mechanism)
+        + "</div>\n"
+        + f'<script type="application/json" id="instrument">{json_in_script(data)}</script>\n'
+        + module_script(module + script)
+    )
+
+
+def style() -> str:
+    """CSS of the instrument."""
+    return (files("closedchain.robots") / "controls.css").read_text(encoding="utf-8")
+
+
+def _knobs(mechanism: Mechanism, size: float) -> Iterator[Knob]:
+    """Inputs within their limits, then the tip's outputs around home."""
+    lower, upper = mechanism.limits
+    home = mechanism.home
+    named = zip(mechanism.inputs, mechanism.input_q, mechanism.input_units, strict=True)
+    for i, (name, at, unit) in enumerate(named):
+        reach = 2.0 * size if unit == "m" else TURN
+        low, high = float(lower[at]), float(upper[at])
+        if not math.isfinite(high - low) or (unit == "rad" and high - low > WIDEST):
+            low, high = max(low, home[at] - reach), min(high, home[at] + reach)
+        yield Knob("direct", i, name, unit, low, high)
+    if mechanism.task is None:
+        return
+    place = mechanism.pose(home).translation
+    for name in mechanism.outputs():
+        at = OUTPUTS.index(name)
+        if at < 3:
+            yield Knob("inverse", at, name, "m", place[at] - size, place[at] + size)
+        else:
+            yield Knob("inverse", at, ANGLES[at - 3], "rad", -TURN, TURN)
+
+
+def _postures(mechanism: Mechanism) -> list[tuple[str, np.ndarray]]:
+    """Named postures that close."""
+    found = []
+    for name in mechanism.postures:
+        try:
+            found.append((name, mechanism.posture(name)))
+        except ClosureError:
+            continue
+    return found
+
+
+def _rows(knobs: list[Knob]) -> str:
+    rows = []
+    for title, way in (("inputs", "direct"), ("tip", "inverse")):
+        some = [(i, knob) for i, knob in enumerate(knobs) if knob.way == way]
+        if some:
+            rows.append(f"<h2>{title}</h2>")
+        rows += [_row(i, knob) for i, knob in some]
+    return "\n".join(rows) + "\n"
+
+
+def _row(i: int, knob: Knob) -> str:
+    name, unit = html.escape(knob.name), html.escape(knob.unit)
+    step = (knob.upper - knob.lower) / 1000.0
+    bounds = f'min="{float(knob.lower)!r}" max="{float(knob.upper)!r}"'
+    return (
+        f'<div class="knob"><label for="slider-{i}" title="{name}">{name}</label>'
+        f'<input id="slider-{i}" type="range" {bounds} step="any">'
+        f'<input id="number-{i}" type="number" step="{_rounded(step)}" aria-label="{name}">'
+        f"<span>{unit}</span></div>"
+    )
+
+
+def _rounded(step: float) -> str:
+    """A step of a number that is 1 with some zeros."""
+    return f"{10.0 ** math.floor(math.log10(max(step, 1e-6))):g}"
+
+
+def _readouts(mechanism: Mechanism, measured: bool) -> str:
+    rows = ['<tr><th>loops open by</th><td id="residual"></td></tr>']
+    if mechanism.task is not None:
+        tip = html.escape(mechanism.task.tip)
+        rows.append(f'<tr><th>tip {tip}, x y z</th><td id="tip-place" colspan="2"></td></tr>')
+        rows.append('<tr><th>roll pitch yaw</th><td id="tip-turn" colspan="2"></td></tr>')
+    if measured:
+        rows.append('<tr><th>posture</th><td id="kinds" colspan="2"></td></tr>')
+        rows += [
+            f'<tr><th>sigma {kind}</th><td id="sigma-{kind}"></td>'
+            f'<td class="bar"><span><b id="bar-{kind}"></b></span></td></tr>'
+            for kind in ("direct", "inverse")
+        ]
+    joints = "".join(
+        f'<tr><th>{html.escape(name)}</th><td id="q-{i}"></td></tr>'
+        for i, name in enumerate(_coordinate_names(mechanism))
+    )
+    return (
+        f"<h2>read-outs</h2><table>{''.join(rows)}</table>\n"
+        f"<details><summary>all joints</summary><table>{joints}</table></details>\n"
+    )
+
+
+def _coordinate_names(mechanism: Mechanism) -> list[str]:
+    names: list[str] = []
+    for name, joint in list(zip(mechanism.model.names, mechanism.model.joints, strict=True))[1:]:
+        parts = ("x", "y", "z", "qx", "qy", "qz", "qw")
+        names += [name] if joint.nq == 1 else [f"{name}.{part}" for part in parts]
+    return names
+
+
+def _buttons(mechanism: Mechanism) -> str:
+    options = "".join(f"<option>{html.escape(name)}</option>" for name, _ in _postures(mechanism))
+    return (
+        '<div class="buttons"><select id="postures" aria-label="go to a posture">'
+        f"<option>go to</option>{options}</select>"
+        '<button type="button" id="picture">picture</button>'
+        '<button type="button" id="copy">q as numbers</button></div>\n'
+        '<textarea id="copied" aria-label="numbers of q" readonly hidden></textarea>\n'
+    )

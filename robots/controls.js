@@ -1,0 +1,213 @@
+// The page's instrument: sliders and numbers move the robot, its loops stay closed. What is above in
+// this script is the robot's own module.
+{
+const {Matrix4, Vector3} = MeshCat.THREE;
+const data = JSON.parse(document.getElementById("instrument").textContent);
+const element = (id) => document.getElementById(id);
+const DIGITS = 5;
+
+// -- the scene ----------------------------------------------------------------------------------
+
+const node = (path) => viewer.scene_tree.find(path.split("/").filter((x) => x)).object;
+for (const part of data.parts) {
+  part.node = node(part.path);
+  part.matrix = new Matrix4().fromArray(part.matrix);
+}
+for (const stick of data.sticks) {
+  stick.node = node(stick.path);
+  for (const end of stick.ends) end.at = new Vector3(...end.at);
+}
+const places = data.bodies.map(() => new Matrix4());
+const up = new Vector3(0, 1, 0);
+
+function draw(q) {
+  const poses = bodies(q);
+  data.bodies.forEach((joint, i) => {
+    if (joint === 0) return; // the base stands still
+    const [a, b, c, d, e, f, g, h, k, x, y, z] = poses.subarray(12 * (joint - 1), 12 * joint);
+    places[i].set(a, d, g, x, b, e, h, y, c, f, k, z, 0, 0, 0, 1);
+  });
+  for (const part of data.parts) {
+    const matrix = places[part.body].clone().multiply(part.matrix);
+    matrix.decompose(part.node.position, part.node.quaternion, part.node.scale);
+  }
+  for (const stick of data.sticks) {
+    const [begin, end] = stick.ends.map((e) => e.at.clone().applyMatrix4(places[e.body]));
+    const along = end.clone().sub(begin), length = along.length();
+    stick.node.position.copy(begin).lerp(end, 0.5);
+    if (length > 0) stick.node.quaternion.setFromUnitVectors(up, along.divideScalar(length));
+    stick.node.scale.set(1, Math.max(length / stick.length, 1e-6), 1);
+  }
+  viewer.set_dirty();
+}
+
+// -- poses as x y z and roll, pitch, yaw: R = Rz(yaw) Ry(pitch) Rx(roll) ---------------------------
+
+function toAngles([x, y, z, w]) {
+  const sine = Math.min(Math.max(2 * (w * y - z * x), -1), 1);
+  return [
+    Math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y)),
+    Math.asin(sine),
+    Math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)),
+  ];
+}
+
+function toQuaternion(angles) {
+  const [a, b, c] = angles.map((x) => Math.cos(x / 2));
+  const [r, p, y] = angles.map((x) => Math.sin(x / 2));
+  return [r * b * c - a * p * y, a * p * c + r * b * y, a * b * y - r * p * c, a * b * c + r * p * y];
+}
+
+const coordinatesOf = (pose) => [...pose.slice(0, 3), ...toAngles(Array.from(pose).slice(3))];
+
+// -- moving --------------------------------------------------------------------------------------
+
+let q = Float64Array.from(data.start), last = null, wanted = null;
+
+const knobs = data.knobs.map((knob, i) => {
+  const slider = element(`slider-${i}`), number = element(`number-${i}`);
+  const ask = (value) => {
+    if (Number.isFinite(value)) request(knob, value);
+    else show();
+  };
+  slider.addEventListener("input", () => ask(slider.valueAsNumber));
+  number.addEventListener("change", () => ask(number.valueAsNumber));
+  return {...knob, slider, number};
+});
+
+// The latest wish counts; a picture is drawn for it before the next one is heard.
+function request(knob, value) {
+  if (wanted === null) requestAnimationFrame(() => {
+    const wish = wanted;
+    wanted = null;
+    wish();
+  });
+  wanted = () => {
+    if (knob.way === "direct") {
+      const values = inputsOf(q);
+      values[knob.at] = value;
+      toInputs(values);
+    } else {
+      const at = coordinatesOf(tip(q));
+      at[knob.at] = value;
+      toPose([...at.slice(0, 3), ...toQuaternion(at.slice(3))]);
+    }
+  };
+}
+
+function toInputs(values) {
+  last = {...direct(values, q), way: "direct"};
+  q = last.q;
+  show();
+  return last;
+}
+
+function toPose(pose) {
+  last = {...inverse(pose, q), way: "inverse"};
+  q = last.q;
+  show();
+  return last;
+}
+
+function toPosture(posture) {
+  last = null;
+  q = Float64Array.from(posture);
+  show();
+}
+
+// -- what is told --------------------------------------------------------------------------------
+
+const text = (x, unit = "") => `${(Math.abs(x) < 0.5e-9 ? 0 : x).toFixed(DIGITS)} ${unit}`.trim();
+const cell = (id, value) => { element(id).textContent = value; };
+
+function current() {
+  const values = data.knobs.some((k) => k.way === "direct") ? inputsOf(q) : [];
+  const at = data.knobs.some((k) => k.way === "inverse") ? coordinatesOf(tip(q)) : [];
+  return {values, at};
+}
+
+function show() {
+  draw(q);
+  const {values, at} = current();
+  for (const knob of knobs) {
+    const value = knob.way === "direct" ? values[knob.at] : at[knob.at];
+    knob.slider.value = value;
+    knob.number.value = +value.toFixed(6);
+  }
+  cell("residual", residual(q).toExponential(1));
+  if (at.length) {
+    cell("tip-place", at.slice(0, 3).map((x) => text(x)).join("  "));
+    cell("tip-turn", at.slice(3).map((x) => text(x)).join("  "));
+  }
+  coordinates.forEach(({unit}, i) => cell(`q-${i}`, text(q[i], unit)));
+  const beyond = overLimits();
+  element("limits").hidden = !beyond.length;
+  cell("limits", "beyond a joint's limit: " + beyond.join(", "));
+  const kinds = showSigmas();
+  const stopped = last !== null && !last.converged;
+  element("stop").hidden = !stopped;
+  if (stopped) cell("stop", whyStopped(kinds));
+}
+
+function overLimits() {
+  const found = [];
+  coordinates.forEach((one, i) => {
+    const {lower, upper} = limits, low = lower[i], high = upper[i];
+    const over = Math.max(low === null ? 0 : low - q[i], high === null ? 0 : q[i] - high);
+    if (over > 1e-9) found.push(`${one.name} by ${text(over, one.unit)}`);
+  });
+  return found;
+}
+
+// Sigmas with bars on a logarithmic scale from 1e-6 to 1, and the kinds that they tell.
+function showSigmas() {
+  if (!data.measured) return [];
+  const found = measure(q), kinds = [];
+  for (const [kind, value] of [["direct", found?.sigmaDirect], ["inverse", found?.sigmaInverse]]) {
+    const known = value !== undefined;
+    cell(`sigma-${kind}`, known ? value.toExponential(3) : "-");
+    const share = known ? Math.min(Math.max(1 + Math.log10(value) / 6, 0), 1) : 0;
+    element(`bar-${kind}`).style.width = `${100 * share}%`;
+    if (known && value < data.singular) kinds.push(kind);
+  }
+  const named = kinds.length ? kinds.join(" and ") + " singularity" : "regular";
+  cell("kinds", found === null ? "not told here" : named);
+  return kinds;
+}
+
+function whyStopped(kinds) {
+  const direct = last.way === "direct";
+  if (!direct && kinds.includes("inverse"))
+    return "Stopped: an inverse singularity. From here the tip can be led along several branches; "
+      + "move an input first.";
+  const share = (100 * last.reached).toFixed(1), what = direct ? "the inputs" : "the tip";
+  const found = data.measured ? measure(q) : null;
+  const sigma = direct ? found?.sigmaDirect : found?.sigmaInverse;
+  const near = sigma < data.near
+    ? ` ${direct ? "A direct" : "An inverse"} singularity is met: sigma is ${sigma.toExponential(1)}.`
+    : "";
+  return `Stopped after ${share} % of the way of ${what}: ${last.sentence}.${near}`;
+}
+
+// -- buttons -------------------------------------------------------------------------------------
+
+element("picture").addEventListener("click", () => viewer.save_image());
+const chooser = element("postures");
+chooser.addEventListener("change", () => {
+  const chosen = data.postures[chooser.selectedIndex - 1];
+  if (chosen) toPosture(chosen.q);
+  chooser.selectedIndex = 0;
+});
+element("copy").addEventListener("click", () => {
+  const place = element("copied");
+  place.value = "[" + Array.from(q).join(", ") + "]";
+  place.hidden = false;
+  place.select();
+});
+
+// For a console, or another script of the page: what the sliders do.
+globalThis.instrument = {
+  posture: () => Array.from(q), toInputs, toPose, toPosture, measure: () => measure(q), inputs, coordinates,
+};
+show();
+}

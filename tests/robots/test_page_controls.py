@@ -1,0 +1,166 @@
+"""Pages whose sliders move the robot: in a browser, beside Python's own solutions."""
+
+from __future__ import annotations
+
+import html
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from page_reading import SLIDER, browse, transforms, with_probe
+
+import closedchain as cc
+from closedchain.robots.viewer import Animation, static_page
+
+PROBE = """<pre id="told"></pre><script>
+const element = (id) => document.getElementById(id);
+addEventListener("error", (event) => { element("told").textContent += event.message; });
+addEventListener("load", async () => {
+  const frame = () => new Promise((done) => requestAnimationFrame(done));
+  const shown = async () => { await frame(); await frame(); };
+  const text = (id) => element(id).hidden ? "" : element(id).textContent;
+  const set = async (id, value, event) => {
+    const field = element(id);
+    field.value = value;
+    field.dispatchEvent(new Event(event));
+    await shown();
+  };
+  const parts = (path) => path.split("/").filter((x) => x);
+  const place = (path) => viewer.scene_tree.find(parts(path)).object.matrixWorld;
+  const told = {};
+  BODY
+  element("told").textContent = JSON.stringify(told);
+});
+</script>"""
+
+
+def told(page: str, folder: Path, body: str) -> Any:
+    """What a script in the page found out."""
+    probe = PROBE.replace("BODY", body)
+    shown = browse(with_probe(page, probe), folder, "--dump-dom")
+    (found,) = re.findall(r'<pre id="told">(.*?)</pre>', shown, re.S)
+    return json.loads(html.unescape(found))
+
+
+@pytest.fixture(scope="module")
+def delta() -> cc.Mechanism:
+    return cc.load("linear_delta")
+
+
+def test_sliders_and_numbers_move_what_python_would_move(
+    delta: cc.Mechanism, tmp_path: Path
+) -> None:
+    page = static_page(delta, controls=True)
+    found = told(
+        page,
+        tmp_path,
+        """
+        await set("slider-0", -0.3, "input");
+        told.dragged = instrument.posture();
+        told.legs = [0, 1, 2].map((i) => element(`number-${i}`).valueAsNumber);
+        told.place = text("tip-place");
+        await set("number-3", 0.04, "change");
+        told.typed = instrument.posture();
+        told.sigma = text("sigma-inverse");
+        told.kinds = text("kinds");
+        told.residual = text("residual");
+        told.joint = text("q-0");
+        told.stop = text("stop");
+        """,
+    )
+    values = delta.input_values(delta.home)
+    values[0] = -0.3
+    first = cc.direct(delta, values).raise_if_failed()
+    assert np.abs(np.array(found["dragged"]) - first.q).max() < 1e-12
+    assert found["legs"][0] == -0.3
+    assert np.allclose([float(x) for x in found["place"].split()], delta.pose(first.q).translation,
+                       atol=6e-6)  # fmt: skip
+    pose = delta.pose(first.q)
+    pose = pin.SE3(pose.rotation, np.array([0.04, *pose.translation[1:]]))
+    second = cc.inverse(delta, pose, first.q).raise_if_failed()
+    assert np.abs(np.array(found["typed"]) - second.q).max() < 1e-12
+    known = cc.classify(delta, second.q)
+    assert float(found["sigma"]) == pytest.approx(known.sigma_inverse, rel=1e-3)
+    assert found["kinds"] == "regular"
+    assert float(found["residual"]) < 1e-12
+    assert found["joint"] == f"{second.q[0]:.5f} m"
+    assert found["stop"] == ""
+
+
+def test_the_picture_is_that_of_the_posture(d1: cc.Mechanism, tmp_path: Path) -> None:
+    """Nodes stand where a page that was drawn at that posture has them."""
+    inputs = d1.input_values(d1.home) + np.array([0.02, -0.01, 0.03, 0.0, 0.02, -0.02])
+    moved = cc.direct(d1, inputs).raise_if_failed().q
+    expected = {p: m for p, m in transforms(static_page(d1, moved)).items() if "/bodies/" in p}
+    assert len(expected) > 10
+    body = f"""
+        instrument.toInputs({inputs.tolist()});
+        await shown();
+        viewer.scene.updateMatrixWorld(true);
+        const base = place("/meshcat/robot").clone().invert();
+        told.q = instrument.posture();
+        told.places = {{}};
+        for (const path of {json.dumps(sorted(expected))})
+          told.places[path] = base.clone().multiply(place(path)).toArray();
+        """
+    found = told(static_page(d1, controls=True), tmp_path, body)
+    assert np.abs(np.array(found["q"]) - moved).max() < 1e-12
+    for path, matrix in expected.items():
+        assert np.allclose(np.reshape(found["places"][path], (4, 4)).T, matrix, atol=1e-6), path
+
+
+def test_a_singularity_stops_it_and_is_named(d1: cc.Mechanism, tmp_path: Path) -> None:
+    home = d1.input_values(d1.home)
+    far = home + np.array([0.1, -0.05, 0.15, 0.3, -0.3, 0.1])
+    body = f"""
+        const answer = instrument.toInputs({far.tolist()});
+        told.reached = answer.reached;
+        told.stop = text("stop");
+        told.q = instrument.posture();
+        instrument.toInputs({home.tolist()});
+        told.after = text("stop");
+        told.home = instrument.posture();
+        await set("number-6", 0.1, "change");
+        told.singular = text("stop");
+        told.kinds = text("kinds");
+        """
+    found = told(static_page(d1, controls=True), tmp_path, body)
+    assert 0.0 < found["reached"] < 1.0
+    assert "A direct singularity is met" in found["stop"]
+    assert np.abs(cc.residual(d1, np.array(found["q"]))).max() < 1e-9
+    assert found["after"] == ""
+    assert np.abs(np.array(found["home"]) - d1.home).max() < 1e-9
+    assert "inverse singularity" in found["singular"]
+    assert found["kinds"] == "inverse singularity"
+
+
+def test_limits_are_told(tmp_path: Path) -> None:
+    m = cc.load_urdf(SLIDER.replace("<group_state", '<transmission name="a"><joint name="a"/>'
+                                    "</transmission><group_state"), xacro=False)  # fmt: skip
+    found = told(
+        static_page(m, controls=True),
+        tmp_path,
+        "instrument.toInputs([-0.5]); told.some = text('limits');"
+        "instrument.toInputs([4.5]); told.limits = text('limits'); told.q = instrument.posture();",
+    )
+    assert "a by 0.50000 rad" in found["limits"]
+
+
+def test_pages_without_anything_to_move_say_so() -> None:
+    m = cc.load_urdf(SLIDER, xacro=False)
+    page = static_page(m, controls=True)
+    assert "nothing can be moved here: there are no inputs and no task" in page
+    assert "globalThis.instrument" not in page
+    motion = Animation(np.zeros((2, 2)), [0.0, 1.0])
+    with pytest.raises(cc.ClosureError, match="not both"):
+        static_page(m, animation=motion, controls=True)
+
+
+def test_pages_are_whole_files(delta: cc.Mechanism) -> None:
+    page = static_page(delta, controls=True)
+    assert not re.findall(r"<(?:link|img|script)[^>]* (?:src|href)=", page)
+    assert "import(" not in page.split('<script type="module">')[1]
