@@ -172,10 +172,11 @@ def test_what_mujoco_computes_with_is_noted() -> None:
     off = '<equality><connect name="off" body1="a" anchor="0 0 0" active="false"/></equality>'
     m = cc.load_file(model(world, off))
     text = "\n".join(m.notes)
-    for phrase in ("springs of 1 joints", "damping, friction", "contacts were not read",
+    for phrase in ("springs of 1 joints", "contacts were not read",
                    "'off' is not active"):  # fmt: skip
         assert phrase in text
     assert m.closures == ()
+    assert m.description.joints[0].damping == 2.0
 
 
 def test_includes_and_meshes(tmp_path: Path) -> None:

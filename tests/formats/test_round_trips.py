@@ -122,6 +122,29 @@ def test_relations_of_joint_values(relation: str, form: str, tmp_path: Path) -> 
         assert_close(cc.residual(again, q), cc.residual(m, q), 1e-12)
 
 
+@pytest.mark.parametrize("form", FORMATS)
+def test_what_resists_a_motion_and_what_drives_it(form: str, tmp_path: Path) -> None:
+    m = cc.load_urdf(
+        '<robot name="r"><link name="base"/><link name="arm"><inertial><origin xyz="0.1 0.2 0.3" '
+        'rpy="0.4 0.5 0.6"/><mass value="2"/><inertia ixx="0.01" ixy="0.001" ixz="0.002" '
+        'iyy="0.02" iyz="0.003" izz="0.025"/></inertial></link><joint name="j" type="revolute">'
+        '<parent link="base"/><child link="arm"/><axis xyz="0 0 1"/>'
+        '<limit lower="-1" upper="2" effort="1" velocity="1"/>'
+        '<dynamics damping="0.5" friction="0.25"/></joint><transmission name="m"><joint name="j"/>'
+        '<actuator name="m"><mechanicalReduction>50</mechanicalReduction></actuator>'
+        "</transmission></robot>"
+    )
+    again, _ = out_and_in(m, form, tmp_path)
+    (joint,) = (j for j in again.description.joints if j.type == "revolute")
+    assert (joint.damping, joint.friction) == (0.5, 0.25)
+    assert (joint.lower, joint.upper) == (-1.0, 2.0)
+    assert [(i.name, i.joint) for i in again.description.inputs] == [("m", "j")]
+    if form != "sdf":
+        assert again.description.inputs[0].reduction == 50.0
+    mine, theirs = m.model.inertias[1], again.model.inertias[again.model.getJointId("j")]
+    assert_close(theirs.matrix(), mine.matrix(), 1e-9)
+
+
 def test_a_ball_of_the_tree_is_a_ball_in_mujoco(tmp_path: Path) -> None:
     mujoco = pytest.importorskip("mujoco")
     m = cc.load_urdf(

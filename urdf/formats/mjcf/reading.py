@@ -82,7 +82,10 @@ def _inputs(compiled: Compiled, tree: Tree, notes: list[str]) -> list[Input]:
         while fresh in names:
             fresh, k = f"{wanted}_{k}", k + 1
         names.add(fresh)
-        found.append(Input(fresh, tree.joint_names[joint]))
+        gear = float(model.actuator_gear[index][0])
+        if gear == 0.0:
+            notes.append(f"the actuator {fresh!r} has a gear of zero: it was taken as 1")
+        found.append(Input(fresh, tree.joint_names[joint], reduction=gear or 1.0))
     return found
 
 
@@ -162,8 +165,15 @@ def _read_over(compiled: Compiled, equalities: Equalities) -> list[str]:
     ]
     if springs:
         found.append(f"springs of {len(springs)} joints were not read: {', '.join(springs[:4])}")
-    if np.any(model.dof_damping) or np.any(model.dof_frictionloss) or np.any(model.dof_armature):
-        found.append("damping, friction and armature of joints were not read")
+    kinds = compiled.mujoco.mjtJoint
+    several = [
+        d
+        for d in range(model.nv)
+        if int(model.jnt_type[model.dof_jntid[d]]) in (kinds.mjJNT_BALL, kinds.mjJNT_FREE)
+    ]
+    resisting = (model.dof_damping, model.dof_frictionloss, model.dof_armature)
+    if any(np.any(numbers[several]) for numbers in resisting):
+        found.append("damping, friction and armature of balls and free joints were not read")
     of_equalities = {
         int(model.eq_obj1id[e])
         for e in range(model.neq)

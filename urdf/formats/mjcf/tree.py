@@ -148,6 +148,7 @@ def _joint(
 ) -> Joint:
     model = compiled.model
     axis = np.array(model.jnt_axis[joint])
+    dof = int(model.jnt_dofadr[joint])
     reference = float(model.qpos0[model.jnt_qposadr[joint]])
     back = pose(translation=-reference * axis) if slides else turn(axis, -reference)
     lower, upper = -math.inf, math.inf
@@ -162,7 +163,15 @@ def _joint(
         axis=vector(axis),
         lower=lower,
         upper=upper,
+        damping=_first(model.dof_damping, dof),
+        friction=_first(model.dof_frictionloss, dof),
+        armature=_first(model.dof_armature, dof),
     )
+
+
+def _first(of_dofs: np.ndarray, dof: int) -> float:
+    """A number of a freedom; of a polynomial, its linear term."""
+    return float(np.ravel(of_dofs[dof])[0])
 
 
 def _inertial(compiled: Compiled, body: int) -> Inertial | None:

@@ -28,14 +28,16 @@ from closedchain.urdf.formats.mjcf.reading import TASK
 from closedchain.urdf.formats.stubs import stub_parts, with_stubs
 from closedchain.urdf.formats.written import Written, listed
 from closedchain.urdf.link_poses import link_poses, moved
+from closedchain.urdf.meshes import with_mesh_paths
 from closedchain.urdf.poses import inverse, pose_of
-from closedchain.urdf.shapes import Shape, shapes_of
+from closedchain.urdf.shapes import Shape, Shapes, shapes_of
 from closedchain.urdf.writing import UNBOUNDED, document_text, urdf_document
 
 if TYPE_CHECKING:
     from lxml.etree import _Element as Element
 
 _KNOWN: tuple[ClosureType, ...] = ("fixed", "revolute", "spherical", "distance")
+_MESHES = (".stl", ".obj", ".msh")
 _LEAST_MASS, _LEAST_INERTIA = 1e-3, 1e-6  # of moving bodies that have none [kg, kg m^2]
 
 
@@ -47,10 +49,11 @@ def write(description: Description) -> Written:
     DescriptionError
         A closure that MuJoCo cannot be given.
     """
-    shapes = shapes_of(urdf_document(description))
+    text, missing = with_mesh_paths(description)
+    shapes, unread = _readable(shapes_of(urdf_document(replace(description, text=text))))
     d, losses = _without_foreign_closures(description)
     writer = Collected(d, shapes, _balls(d))
-    writer.losses += losses
+    writer.losses += [*losses, *missing, *unread]
     root = etree.Element("mujoco", model=d.name)
     etree.SubElement(
         root, "compiler", angle="radian", autolimits="true", balanceinertia="true"
@@ -62,7 +65,9 @@ def write(description: Description) -> Written:
     add_equalities(writer, root)
     actuator = etree.SubElement(root, "actuator")
     for item in d.inputs:
-        etree.SubElement(actuator, "motor", name=item.name, joint=item.joint)
+        motor = etree.SubElement(actuator, "motor", name=item.name, joint=item.joint)
+        if item.reduction != 1.0:
+            motor.set("gear", numbers(item.reduction))
     _postures(writer, root)
     _say_task(d, root)
     for empty in [e for e in root if not len(e) and e.tag in ("asset", "actuator")]:
@@ -74,10 +79,27 @@ def write(description: Description) -> Written:
         )
     if d.remarks:
         writer.losses.append("remarks are not written")
-    writer.losses.append(
-        "limits of effort and speed, collision shapes and friction are not written"
-    )
+    if any(item.rotor_inertia for item in d.inputs):
+        writer.losses.append("rotor inertias are written as the armatures of their joints")
+    writer.losses.append("limits of effort and speed and collision shapes are not written")
     return Written(document_text(root), tuple(writer.losses))
+
+
+def _readable(shapes: Shapes) -> tuple[Shapes, list[str]]:
+    """Shapes without the meshes that MuJoCo does not read, and sentences on these."""
+    lost = sorted(
+        {
+            shape.file
+            for of_link in shapes.values()
+            for shape in of_link
+            if shape.kind == "mesh" and not shape.file.lower().endswith(_MESHES)
+        }
+    )
+    kept = {
+        link: tuple(shape for shape in of_link if shape.file not in lost)
+        for link, of_link in shapes.items()
+    }
+    return kept, [f"MuJoCo does not read the mesh {file!r}" for file in lost]
 
 
 def _without_foreign_closures(description: Description) -> tuple[Description, list[str]]:
@@ -200,6 +222,15 @@ def _joint(writer: Collected, body: Element, joint: Joint, in_world: bool) -> No
     element = etree.SubElement(body, "joint", name=joint.name, type=kind, axis=numbers(*joint.axis))
     if home[0]:
         element.set("ref", numbers(home[0]))
+    rotors = [i for i in writer.description.inputs if i.joint == joint.name]
+    turned_along = sum(item.rotor_inertia * item.reduction**2 for item in rotors)
+    for key, value in (
+        ("damping", joint.damping),
+        ("frictionloss", joint.friction),
+        ("armature", joint.armature + turned_along),
+    ):
+        if value:
+            element.set(key, numbers(value))
     if joint.lower > -math.inf or joint.upper < math.inf:
         bounds = max(joint.lower, -UNBOUNDED), min(joint.upper, UNBOUNDED)
         element.set("range", numbers(*bounds))
@@ -240,8 +271,6 @@ def _geom(writer: Collected, body: Element, shape: Shape) -> None:
 def _assets(writer: Collected, asset: Element) -> None:
     for (file, scale), name in writer.meshes.items():
         etree.SubElement(asset, "mesh", name=name, file=file, scale=numbers(*scale))
-    if any(file.startswith("package://") for file, _ in writer.meshes):
-        writer.losses.append("MuJoCo knows no package:// of meshes: write their files there")
 
 
 def _postures(writer: Collected, root: Element) -> None:

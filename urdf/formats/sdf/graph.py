@@ -57,6 +57,8 @@ class Edge:
         Bounds, and value at the posture of the file.
     pitch : float
         Of a screw [m per turn].
+    damping, friction : float
+        What opposes the motion, as of ``Joint``.
     line : int or None
     """
 
@@ -71,6 +73,8 @@ class Edge:
     home: float = 0.0
     pitch: float = 0.0
     line: int | None = None
+    damping: float = 0.0
+    friction: float = 0.0
 
 
 @dataclass
@@ -263,7 +267,18 @@ def _add(
             origin = origin @ back
         kind: Literal["prismatic", "revolute"] = "prismatic" if slides else "revolute"
         found.joints.append(
-            Joint(edge.name, kind, near, child, origin_of(origin), axis, edge.lower, edge.upper)
+            Joint(
+                edge.name,
+                kind,
+                near,
+                child,
+                origin_of(origin),
+                axis,
+                edge.lower,
+                edge.upper,
+                damping=edge.damping,
+                friction=edge.friction,
+            )
         )
         found.home[edge.name] = (edge.home,)
     else:

@@ -185,6 +185,7 @@ def _edge(
     name, kind = elements.text(element, "name"), _KINDS[elements.text(element, "type")]
     place = frames.of(element, word(element, "child"))
     axes, lower, upper, home = [], -math.inf, math.inf, 0.0
+    resists = (0.0, 0.0)
     for tag in ("axis", "axis2")[
         : {"fixed": 0, "ball": 0, "universal": 2, "revolute2": 2}.get(kind, 1)
     ]:
@@ -199,6 +200,8 @@ def _edge(
         dynamics = child(axis, "dynamics")
         if dynamics is not None and number(dynamics, "spring_stiffness", 0.0):
             notes.append(f"line {axis.sourceline}: the spring of the joint {name!r} was not read")
+        if dynamics is not None and tag == "axis":
+            resists = number(dynamics, "damping", 0.0), number(dynamics, "friction", 0.0)
         home = elements.number(axis, f"{{{NAMESPACE}}}home", 0.0) if tag == "axis" else home
     return Edge(
         name=name,
@@ -212,6 +215,8 @@ def _edge(
         home=home,
         pitch=_pitch(element) if kind == "screw" else 0.0,
         line=element.sourceline,
+        damping=resists[0],
+        friction=resists[1],
     )
 
 

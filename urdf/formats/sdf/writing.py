@@ -86,7 +86,7 @@ def write(description: Description) -> Written:
         losses.append("inputs are written for closedchain only: in SDF motors belong to plugins")
     if d.remarks:
         losses.append("remarks are not written")
-    losses.append("limits of effort and speed, collision shapes and friction are not written")
+    losses.append("limits of effort and speed, armatures and collision shapes are not written")
     return Written(document_text(root), tuple(losses))
 
 
@@ -230,6 +230,11 @@ def _joint(model: Element, d: Description, joint: Joint, coupling: Coupling | No
         for tag, bound in (("lower", joint.lower), ("upper", joint.upper)):
             if math.isfinite(bound):
                 etree.SubElement(limit, tag).text = elements.written((bound - home,))
+    dynamics = [("damping", joint.damping), ("friction", joint.friction)]
+    if joint.damping or joint.friction:
+        element = etree.SubElement(axis, "dynamics")
+        for tag, value in dynamics:
+            etree.SubElement(element, tag).text = elements.written((value,))
     if coupling is not None:
         leader = d.home.get(coupling.leader, (0.0,))[0]
         offset = coupling.offset + coupling.multiplier * leader - home
