@@ -11,6 +11,7 @@ import pytest
 from conftest import assert_close
 
 import closedchain as cc
+from closedchain.analysis.singularity.bulk.measuring import bulk_measures
 from closedchain.closure.generic import dimensionless_task
 from closedchain.closure.joint_rates import orthonormal_motions, physical_rates
 from closedchain.closure.ranks import null_space
@@ -200,6 +201,22 @@ def test_the_decision_changes_once_on_the_way_from_a_singular_posture(name: str)
         assert not found[-1]
         assert np.diff(np.array(found, dtype=int)).tolist().count(-1) == 1
         assert 1 not in np.diff(np.array(found, dtype=int))
+
+
+@pytest.mark.parametrize("name", SINGULAR)
+def test_measures_of_maps_are_those_of_classify(name: str) -> None:
+    """Also where closures lose a rank, and all the way to where they do not."""
+    m, q = SINGULAR[name]()
+    basis, _ = null_space(cc.constraint_jacobian(m, q) * m.column_scale / m.row_scale[:, None])
+    v = basis @ np.random.default_rng(8).standard_normal(basis.shape[1])
+    near = [pin.integrate(m.model, q, x * v * m.column_scale) for x in 10.0 ** np.arange(-11, -2)]
+    postures = np.array([q, *(cc.close(m, one).raise_if_failed().q for one in near)])
+    found = bulk_measures(m).measures(postures)
+    for i, posture in enumerate(postures):
+        c = cc.classify(m, posture)
+        for kind in ("direct", "inverse", "constraint"):
+            value = getattr(c, f"sigma_{kind}")
+            assert found[f"sigma_{kind}"][i] == pytest.approx(value, rel=1e-7, abs=1e-12), (i, kind)
 
 
 def test_a_tolerance_asks_for_the_share_instead(d1: cc.Mechanism) -> None:
