@@ -195,6 +195,7 @@ def survey(
     for name in at:
         if asked and all(name in over for over in asked):
             raise ClosureError(f"coordinate {name!r} is held, but every slice varies it")
+    _check_names(asked or default_slices(mechanism, names))
     chosen = []
     left_out: dict[str, list[str]] = {}
     for over in asked or default_slices(mechanism, names):
@@ -233,6 +234,16 @@ def _held(
     return {name: value for name, value in held.items() if name in own}
 
 
+def _check_names(slices: Sequence[tuple[str, ...]]) -> None:
+    """Refuse coordinates whose names files of results would take for paths."""
+    for name in dict.fromkeys(name for over in slices for name in over):
+        if "/" in name:
+            raise ClosureError(
+                f"coordinate {name!r} has a '/' in its name, which the files of a survey cannot "
+                "hold; give it another name in the description"
+            )
+
+
 def _slice(
     mechanism: Mechanism,
     axes: Mapping[str, np.ndarray],
@@ -266,7 +277,9 @@ def _slice(
     grid = grid_of(mechanism, axes, dict(at) or None, outputs=names, mode=mode)
     arrays = {str(name): found[name].to_numpy() for name in found.data_vars}
     lattice = lattice_of(grid, arrays, names)
-    return Slice(found.drop_vars("q"), _sets(lattice, kinds, names, report))
+    return Slice(
+        found.drop_vars(variable_name("q", tuple(axes))), _sets(lattice, kinds, names, report)
+    )
 
 
 def _sets(

@@ -45,6 +45,7 @@ def test_klein_form_does_not_depend_on_the_reference_point(
 ) -> None:
     moved = sc.klein(sc.shifted(a, point), sc.shifted(b, point))
     assert_close(moved, sc.klein(a, b), 1e-10)
+    assert_close(sc.klein(a, b), a[:3] @ b[3:] + a[3:] @ b[:3], 1e-10)
     assert_close(sc.shifted(sc.shifted(a, point), -point), a, 1e-10)
 
 

@@ -51,3 +51,27 @@ def test_four_bar() -> None:
     assert set(part.inverse.kinds) == {frozenset({"inverse"})}
     for kind in ("direct", "combined", "constraint"):
         assert part.set_of(kind).verdict == "none found"
+
+
+def test_a_serial_arm_has_no_direct_singularities() -> None:
+    """Its joints are all inputs: with them held nothing moves. It is inverse where stretched."""
+    limit = '<axis xyz="0 0 1"/><limit lower="-3" upper="3" effort="1" velocity="1"/>'
+    arm = cc.load_urdf(f"""<robot name="arm"><link name="base"/><link name="upper"/>
+      <link name="lower"/><link name="hand"/>
+      <joint name="A" type="revolute"><parent link="base"/><child link="upper"/>{limit}</joint>
+      <joint name="B" type="revolute"><parent link="upper"/><child link="lower"/>
+        <origin xyz="0.4 0 0"/>{limit}</joint>
+      <joint name="F" type="fixed"><parent link="lower"/><child link="hand"/>
+        <origin xyz="0.3 0 0"/></joint>
+      <transmission name="a"><joint name="A"/></transmission>
+      <transmission name="b"><joint name="B"/></transmission>
+      <task base="base" tip="hand" outputs="x y"/>
+      <group_state name="home"><joint name="A" value="0.2"/><joint name="B" value="0.6"/>
+      </group_state></robot>""")
+    over = {"a": np.linspace(-0.5, 0.9, 8), "b": np.linspace(-0.6, 1.1, 9)}
+    for kind in ("direct", "combined", "constraint"):
+        assert cc.singularity_set(arm, kind, over).verdict == "none found"
+    assert "nothing can move" in cc.singularity_set(arm, "direct", over).note
+    stretched = cc.singularity_set(arm, "inverse", over)
+    assert stretched.verdict == "curve"
+    assert np.abs(stretched.coordinates[:, 1]).max() < 1e-9

@@ -237,3 +237,10 @@ def test_a_saved_map_is_read_from_its_store(delta: cc.Mechanism, tmp_path: Path)
     (store / "zarr.json").write_text("{}")
     with pytest.raises(cc.ClosureError, match="map"):
         read_results(store)
+
+
+def test_names_that_files_would_take_for_paths_are_refused_before_any_work() -> None:
+    text = cc.load("linear_delta").description.text
+    slashed = cc.load_urdf(text.replace('"q1"', '"leg/q1"'))
+    with pytest.raises(cc.ClosureError, match="'leg/q1' has a '/' in its name"):
+        survey(slashed)

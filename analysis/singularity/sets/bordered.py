@@ -72,6 +72,11 @@ class Measure:
         return (r + len(self.outputs), nv) if self.kind == "inverse" else (r, nv)
 
     @property
+    def empty(self) -> bool:
+        """Whether the matrix has no column: every joint is an input, none can move by itself."""
+        return self.shape[1] == 0
+
+    @property
     def codimension(self) -> int:
         """Number of equations that the loss is: (|rows - columns| + corank) corank."""
         rows, columns = self.shape

@@ -19,7 +19,12 @@ from closedchain.analysis.singularity.sets.everywhere import singular_throughout
 from closedchain.analysis.singularity.sets.lattice import Lattice, finer
 from closedchain.analysis.singularity.sets.membership import along, met, reached
 from closedchain.analysis.singularity.sets.seeds import brackets
-from closedchain.analysis.singularity.sets.singular_set import Piece, SingularitySet, collect
+from closedchain.analysis.singularity.sets.singular_set import (
+    Piece,
+    SingularitySet,
+    collect,
+    nothing,
+)
 from closedchain.analysis.singularity.sets.slices import Slice
 from closedchain.analysis.singularity.sets.touching import touching
 from closedchain.analysis.singularity.sets.tracked import Tracker
@@ -175,6 +180,8 @@ def curves_on(
             "postures of the slice are regular: the range is too small to trace curves in it"
         )
         return collect(lattice.chart, kind, outputs, (), dimension=0, verdict=verdict, note=note)
+    if Measure(lattice.chart.mechanism, kind, outputs).empty:
+        return nothing(lattice.chart, kind, outputs, missed=0 if check else None)
     tracker = tracker_of(lattice, (kind,), outputs, progress)
     touched: list[Piece] = []
     if kind in lattice.det:

@@ -10,7 +10,7 @@ import numpy as np
 from closedchain.analysis.singularity.sets.bordered import Measure
 from closedchain.analysis.singularity.sets.curves import curve_set
 from closedchain.analysis.singularity.sets.lattice import Lattice
-from closedchain.analysis.singularity.sets.singular_set import SingularitySet, collect
+from closedchain.analysis.singularity.sets.singular_set import SingularitySet, collect, nothing
 from closedchain.analysis.singularity.sets.slices import Slice
 from closedchain.analysis.singularity.sets.tracked import Tracker
 from closedchain.closure.solve.solution_set import settle
@@ -43,6 +43,8 @@ def meeting(
             note = f"the slice is {whole.kind}ly singular everywhere: the whole {what} is combined"
             return replace(other, kind="combined", note=note)
     measures = tuple(Measure(lattice.chart.mechanism, k, outputs) for k in ("direct", "inverse"))
+    if any(measure.empty for measure in measures):
+        return nothing(lattice.chart, "combined", outputs)
     tracker = Tracker(Slice(lattice.chart, measures), lattice, branch[-1])
     for of, other in ((one, two), (two, one)):
         for i in _least(of, of.sigmas[:, COLUMN[other.kind]]):

@@ -240,3 +240,13 @@ def collect(
         missed=missed,
         note=note,
     )
+
+
+def nothing(
+    chart: Chart, kind: str, outputs: tuple[str, ...], missed: int | None = None
+) -> SingularitySet:
+    """The set of a mechanism whose joints are all inputs, of a kind that needs another one."""
+    note = "every joint is an input: with all of them held nothing can move"
+    return collect(
+        chart, kind, outputs, (), dimension=1, verdict="none found", missed=missed, note=note
+    )
