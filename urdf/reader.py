@@ -100,7 +100,9 @@ def read(text: str, *, parameters: Mapping[str, ParameterValue] = _NONE) -> Desc
     root = elements.document(text)
     if etree.QName(root).localname != "robot":
         raise DescriptionError(
-            "the root element must be <robot>", line=root.sourceline, element=str(root.tag)
+            "the root element must be <robot>; cc.load_file reads MJCF and SDF too",
+            line=root.sourceline,
+            element=str(root.tag),
         )
     notes = [*translate_dialects(root), *set_aside(root)]
     elements.allow(root, ("name", "version"), _ROOT_ELEMENTS)
