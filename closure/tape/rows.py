@@ -223,12 +223,20 @@ class Kinematics:
     def least_sense(self) -> Expr:
         """Least cosine of axes that a closed joint has parallel: negative where it is mirrored."""
         found = self.graph.constant(1.0)
+        for cosine in self.senses:
+            found = found.min(cosine)
+        return found
+
+    @cached_property
+    def senses(self) -> list[Expr]:
+        """Cosines between axes that closed joints have parallel: -1 where one is mirrored."""
+        found = []
         for closure in self.mechanism.closures:
             if isinstance(closure, Closure):
                 a = self.frame(closure.joint1, closure.placement1)[0]
                 b = self.frame(closure.joint2, closure.placement2)[0]
                 for k in closure.joint_kind.senses:
-                    found = found.min(dot(column(a, k), column(b, k)))
+                    found.append(self.graph.lift(dot(column(a, k), column(b, k))))
         return found
 
     def _closure(self, closure: Closure) -> Rows:

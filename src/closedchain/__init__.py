@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     )
     from closedchain.analysis.forces.inverse_dynamics import InverseDynamics, inverse_dynamics
     from closedchain.analysis.forces.motor_map import Transmission
+    from closedchain.analysis.forces.resets import Resets, resets
     from closedchain.analysis.forces.statics import Statics, statics
     from closedchain.analysis.forces.transmission import transmission
     from closedchain.analysis.forces.transmission_table import transmission_table
@@ -63,6 +64,8 @@ if TYPE_CHECKING:
     from closedchain.analysis.velocity import Velocity, velocity
     from closedchain.closure.code.exporting import export_code
     from closedchain.closure.exporting import export
+    from closedchain.closure.modes.all_postures import postures
+    from closedchain.closure.modes.result import Postures
     from closedchain.closure.position import direct, inverse
 
 __version__ = "0.1.0"
@@ -72,6 +75,8 @@ _LATER = {
     "closure.exporting": "export",
     "closure.code.exporting": "export_code",
     "closure.position": "direct inverse",
+    "closure.modes.all_postures": "postures",
+    "closure.modes.result": "Postures",
     "analysis.motion.track.stops": "Stop",
     "analysis.acceleration": "Acceleration acceleration",
     "analysis.forces.input_dynamics": "InputDynamics input_dynamics mass_matrix",
@@ -79,6 +84,7 @@ _LATER = {
     "analysis.forces.motor_map": "Transmission",
     "analysis.forces.transmission": "transmission",
     "analysis.forces.transmission_table": "transmission_table",
+    "analysis.forces.resets": "Resets resets",
     "analysis.forces.statics": "Statics statics",
     "analysis.screws.accelerators": "Accelerators accelerators",
     "analysis.structure.dependence": "Dependence dependence",
@@ -139,8 +145,10 @@ __all__ = [
     "Mobility",
     "Network",
     "Poc",
+    "Postures",
     "Redundancy",
     "Relaxation",
+    "Resets",
     "SelfMotion",
     "SingularitySet",
     "Solution",
@@ -179,9 +187,11 @@ __all__ = [
     "mobility",
     "network",
     "poc",
+    "postures",
     "read_task_path",
     "redundancy",
     "relaxation",
+    "resets",
     "residual",
     "robots",
     "self_motion",

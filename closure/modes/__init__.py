@@ -1,0 +1,1 @@
+"""All postures of a mechanism with something held: searched, counted, certified."""

@@ -1,0 +1,349 @@
+"""``cc.postures``: all assembly modes, all working modes, or whatever joints are held."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike
+
+from closedchain.closure.chart import joint_index, joint_names
+from closedchain.closure.mechanism import Mechanism
+from closedchain.closure.modes.certificates import certified
+from closedchain.closure.modes.counting import Counted, counted
+from closedchain.closure.modes.result import Family, Postures
+from closedchain.closure.modes.seeking import (
+    LEAST,
+    MOST,
+    Sought,
+    Starts,
+    chosen,
+    closed_postures,
+    sought,
+    unwound,
+)
+from closedchain.closure.modes.shapes import SAME, Shapes, groups
+from closedchain.closure.nearest import beyond_limits
+from closedchain.closure.position import driven, posed
+from closedchain.closure.ranks import null_space
+from closedchain.closure.solve.path import follower_of
+from closedchain.closure.solve.problem import Problem, problem_of
+from closedchain.closure.solve.search import search
+from closedchain.urdf.description import OUTPUTS
+from closedchain.urdf.errors import ClosureError, known_names
+
+LOOKED_AT = 8
+"""Postures at which it is seen what the motions that remain change."""
+
+REAL = 1e-6
+"""Largest imaginary part, of shapes, dimensionless, of a real solution."""
+
+Progress = Callable[[str, int, int], None]
+
+
+@dataclass(frozen=True, eq=False)
+class Question:
+    """What is held: a problem, its targets (prescribed,), and how to say it."""
+
+    problem: Problem
+    targets: np.ndarray
+    held: str
+
+
+class OutOfTime(Exception):
+    """The time that was allowed is used up."""
+
+
+@dataclass(frozen=True, eq=False)
+class Search(Starts):
+    """Random starts, until when, and who is told."""
+
+    until: float | None = None
+    progress: Progress | None = None
+
+    def report(self, what: str, done: int) -> None:
+        """Tell how far it is. Raises ``OutOfTime``."""
+        if self.until is not None and time.monotonic() > self.until:
+            raise OutOfTime
+        if self.progress is not None:
+            self.progress(what, done, 0)
+
+
+def postures(
+    mechanism: Mechanism,
+    inputs: ArrayLike | Mapping[str, float] | None = None,
+    pose: pin.SE3 | None = None,
+    fixed: Mapping[str, float] | None = None,
+    *,
+    outputs: str | tuple[str, ...] | None = None,
+    count: bool = True,
+    starts: int = MOST,
+    seconds: float | None = None,
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> Postures:
+    """All postures of a mechanism with something held.
+
+    They are searched from many random starts and, unless told otherwise, counted: all complex
+    solutions are found at generic values by loops of what is held, and followed to the values that
+    are asked for. The first time that takes seconds to minutes for a mechanism; what was found is
+    kept on disk.
+
+    Parameters
+    ----------
+    inputs : (n_inputs,) array or mapping of input to value, optional
+        [m or rad]. All inputs: their assembly modes.
+    pose : pin.SE3, optional
+        Of the tip in the world: the working modes. Components that are no outputs are not used.
+    fixed : mapping of joint to value, optional
+        [m or rad]. Any joints with one freedom; with none, the whole set of postures.
+    outputs : str, optional
+        Outputs that ``pose`` prescribes; those of the task by default.
+    count : bool
+        Whether complex solutions are counted; else postures are only searched.
+    starts : int
+        Random starts at most.
+    seconds : float, optional
+        Time after which counting is given up: what was found until then is returned as searched.
+    seed : int
+        Of the random starts.
+    progress : callable, optional
+        Gets (what, done, total); the total is 0 where it is not known.
+
+    Returns
+    -------
+    Postures
+
+    Raises
+    ------
+    ClosureError
+        More than one thing held; inputs, joints or outputs that are unknown or missing.
+    """
+    question = _question(mechanism, inputs, pose, fixed, outputs)
+    asked = Search(starts, seed, None if seconds is None else time.monotonic() + seconds, progress)
+    if not question.problem.square:
+        return _families(question, asked)
+    notes: list[str] = []
+    found, in_time = _searched(question, Shapes(mechanism), asked)
+    if not in_time:
+        notes.append("The time allowed was used up while searching.")
+    whole = None
+    if count and in_time:
+        try:
+            whole = counted(question.problem, Shapes(mechanism), question.targets, asked.report)
+        except OutOfTime:
+            notes.append("The time allowed was used up before the solutions were counted.")
+        except TypeError as error:  # what complex numbers do not have
+            notes.append(f"The solutions cannot be counted: {error}.")
+        else:
+            found = _together(question, Shapes(mechanism), found, whole)
+    return _result(question, found, whole, (), notes)
+
+
+def _joint(mechanism: Mechanism, name: str) -> tuple[int, int]:
+    """Index in q and v of a joint that can be held."""
+    try:
+        return joint_index(mechanism, name)
+    except KeyError:
+        known = tuple(joint_names(mechanism))
+        raise ClosureError(known_names(name, "joint with one freedom", known)) from None
+
+
+def _searched(question: Question, shapes: Shapes, asked: Search) -> tuple[Sought, bool]:
+    """What random starts lead to, and whether the time sufficed."""
+    problem, targets = question.problem, question.targets
+    try:
+        return sought(problem, shapes, targets, starts=asked, report=asked.report), True
+    except OutOfTime:
+        return sought(problem, shapes, targets, starts=replace(asked, most=LEAST)), False
+
+
+def _families(question: Question, asked: Search) -> Postures:
+    """Postures that are not isolated: one of each family that idle motions do not join."""
+    problem, targets = question.problem, question.targets
+    shapes = Shapes(problem.mechanism)
+    for q in closed_postures(problem, targets, asked, LOOKED_AT):
+        basis, _ = null_space(problem.jacobian_at(q))
+        motions = np.zeros((problem.mechanism.model.nv, basis.shape[1]))
+        motions[list(problem.free)] = basis
+        shapes = shapes.without(q, motions * problem.mechanism.column_scale[:, None])
+    found = sought(problem, shapes, targets, starts=asked)
+    dimension = len(problem.free) - len(problem.kept)
+    return _result(question, found, None, tuple(Family(dimension, q) for q in found.q), [])
+
+
+def _question(
+    mechanism: Mechanism,
+    inputs: ArrayLike | Mapping[str, float] | None,
+    pose: pin.SE3 | None,
+    fixed: Mapping[str, float] | None,
+    outputs: str | tuple[str, ...] | None,
+) -> Question:
+    """Problem and targets of what is held."""
+    held = [
+        name for name, x in (("inputs", inputs), ("pose", pose), ("fixed", fixed)) if x is not None
+    ]
+    if len(held) > 1:
+        raise ClosureError(f"hold one of inputs, pose and fixed, got {' and '.join(held)}")
+    if inputs is not None:
+        if not mechanism.inputs:
+            raise ClosureError(
+                f"{mechanism.name!r} has no inputs (<transmission> elements); hold joints with "
+                "fixed={joint: value, ...}"
+            )
+        values = mechanism.input_vector(inputs, "input values")
+        said = ", ".join(f"{n} = {x:.6g}" for n, x in zip(mechanism.inputs, values, strict=True))
+        return Question(driven(mechanism), np.array(values, dtype=float), said)
+    if pose is not None:
+        if not isinstance(pose, pin.SE3):
+            raise ClosureError(f"pose must be a pin.SE3, got {pose!r}")
+        problem = posed(mechanism, outputs)
+        names = " ".join(mechanism.outputs(outputs))
+        return Question(problem, pin.SE3ToXYZQUAT(pose), f"the tip's {names} held")
+    values_of = dict(fixed or {})
+    joints = {str(name): _joint(mechanism, str(name)) for name in values_of}
+    for name, value in values_of.items():
+        if not np.isfinite(float(value)):
+            raise ClosureError(f"the value of {name!r} must be a finite number, got {value!r}")
+    ordered = sorted(joints, key=lambda name: joints[name][1])
+    problem = problem_of(mechanism, [joints[name][1] for name in ordered])
+    said = ", ".join(f"{n} = {values_of[n]:.6g}" for n in ordered) or "nothing held"
+    return Question(problem, np.array([float(values_of[n]) for n in ordered]), said)
+
+
+def _together(question: Question, shapes: Shapes, found: Sought, whole: Counted) -> Sought:
+    """What was searched and the real solutions among those that were counted."""
+    if not len(whole.q):
+        return found
+    imaginary = np.abs(shapes.of(whole.q).imag).max(axis=1, initial=0.0)
+    real = unwound(shapes.mechanism, whole.q[imaginary < REAL].real)
+    if not len(real):
+        return found
+    every = np.repeat(question.targets[None], len(real), axis=0)
+    closed = search(question.problem, every, real[:, None])
+    q = np.concatenate([found.q, closed.q])
+    group = groups(shapes.of(q))
+    hits = np.concatenate([found.hits, np.zeros(len(closed.q), dtype=int)])
+    first = chosen(shapes.mechanism, q, group)
+    return Sought(q[first], np.bincount(group, weights=hits).astype(int), found.starts)
+
+
+def _result(
+    question: Question,
+    found: Sought,
+    whole: Counted | None,
+    families: tuple[Family, ...],
+    notes: list[str],
+) -> Postures:
+    problem, m = question.problem, question.problem.mechanism
+    q = unwound(m, found.q)
+    n = len(q)
+    order = _order(m, q)
+    q, hits = q[order], found.hits[order]
+    complex_count, complete, infinite = None, "searched", 0
+    multiplicity = np.ones(n, dtype=int)
+    if whole is not None:
+        infinite = whole.infinite
+        complex_count = len(whole.q)
+        agree = _all_counted(m, q, whole)
+        if whole.known and not whole.lost and agree:
+            complete = "counted"
+        else:
+            notes.append(_why_not(whole, agree=agree))
+    every = np.repeat(question.targets[None], n, axis=0)
+    proof = certified(problem, q, question.targets) if problem.square else None
+    branch = np.zeros(n, dtype=int)
+    if problem.square and n:
+        branch = np.sign(follower_of(problem).run(q, every, every).det).astype(int)
+    if problem.redundant and n:
+        others = len(problem.units) - len(problem.kept)
+        notes.append(
+            f"Proofs are of the independent rows; the {others} others hold there by the geometry."
+        )
+    return Postures(
+        q=q,
+        names=_names(m, q, branch),
+        complete=complete,
+        complex_count=complex_count,
+        infinite=infinite,
+        multiplicity=multiplicity,
+        certified=np.zeros(n, dtype=bool) if proof is None else proof.proved,
+        radius=np.full(n, np.nan) if proof is None else proof.radius,
+        residual=np.array([float(np.abs(m.workspace.residual(x)).max(initial=0.0)) for x in q]),
+        branch=branch,
+        beyond_limits=tuple(beyond_limits(m, x) for x in q),
+        families=tuple(Family(f.dimension, f.q) for f in families),
+        hits=hits,
+        starts=found.starts,
+        unseen=found.unseen,
+        held=question.held,
+        pinned=_pinned(question),
+        target_pose=tuple(question.targets[len(problem.pinned) :].tolist()),
+        outputs=tuple(OUTPUTS[k] for _, outputs in problem.goals for k in outputs),
+        notes=tuple(notes),
+    )
+
+
+def _pinned(question: Question) -> dict[str, float]:
+    """Values that are held, by joint."""
+    problem = question.problem
+    model = problem.mechanism.model
+    at = {model.idx_vs[j]: str(model.names[j]) for j in range(1, model.njoints)}
+    return {at[v]: float(x) for v, x in zip(problem.pinned, question.targets, strict=False)}
+
+
+def _all_counted(mechanism: Mechanism, q: np.ndarray, whole: Counted) -> bool:
+    """Whether every posture (n, nq) is among the solutions that were counted."""
+    if not len(q):
+        return True
+    if not len(whole.q):
+        return False
+    shapes = Shapes(mechanism)
+    known, mine = shapes.of(whole.q), shapes.of(q)
+    apart = np.abs(mine[:, None].astype(complex) - known[None]).max(axis=2).min(axis=1)
+    return bool((apart < 1e3 * SAME).all())
+
+
+def _why_not(whole: Counted, *, agree: bool) -> str:
+    if not agree:
+        return "The search found a posture that the count does not have: the count is not complete."
+    if whole.lost:
+        return (
+            f"{whole.lost} paths ended before the values asked for, at singular solutions: the "
+            "count is not complete."
+        )
+    return "The check of the number of generic solutions did not hold: the count is not complete."
+
+
+def _order(mechanism: Mechanism, q: np.ndarray) -> np.ndarray:
+    """Order of postures (n, nq): home's first, the others by where their joints stand."""
+    if not len(q):
+        return np.zeros(0, dtype=int)
+    shapes = Shapes(mechanism)
+    numbers = shapes.of(q)
+    spread = np.sin(np.arange(1, numbers.shape[1] + 1) * 1.7) if numbers.shape[1] else np.zeros(0)
+    home = np.abs(numbers - shapes.of(mechanism.home[None])).max(axis=1, initial=0.0) < 1e-3
+    return np.lexsort((numbers @ spread, ~home))
+
+
+def _names(mechanism: Mechanism, q: np.ndarray, branch: np.ndarray) -> tuple[str, ...]:
+    """Names of the description where a posture has one; else a sign and a number."""
+    shapes = Shapes(mechanism)
+    own = {}
+    if len(q):
+        mine = shapes.of(q)
+        for name, posture in mechanism.postures.items():
+            apart = np.abs(mine - shapes.of(np.asarray(posture)[None])).max(axis=1, initial=0.0)
+            near = int(np.argmin(apart))
+            if apart[near] < 1e-3 and near not in own:
+                own[near] = name
+    signs = {1: "+", -1: "-", 0: ""}
+    counts = {1: 0, -1: 0, 0: 0}
+    names = []
+    for i, sign in enumerate(branch.tolist()):
+        counts[sign] += 1
+        names.append(own.get(i, f"{signs[sign]}{counts[sign]}"))
+    return tuple(names)

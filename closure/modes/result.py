@@ -1,0 +1,205 @@
+"""All postures of a mechanism with something held: the result."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from closedchain.closure.mechanism import Mechanism
+from closedchain.closure.solution import Solution
+
+
+@dataclass(frozen=True, eq=False)
+class Family:
+    """Postures that are not isolated.
+
+    Attributes
+    ----------
+    dimension : int
+        Of the motions that are left there: the rank that the equations lack.
+    q : (nq,) array
+        One posture of it.
+    """
+
+    dimension: int
+    q: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Postures:
+    """Postures of a mechanism with inputs, a pose or joints held, each shape once.
+
+    Two postures are one where all joints stand at the same points with the same axes: other
+    spellings of a universal joint, or a leg turned by half with its slide reversed, do not count.
+
+    Attributes
+    ----------
+    q : (n, nq) array
+        Real postures, in an order that does not change with small changes of what is held.
+    names : tuple of str
+        Of each: the description's, where it has one; else the sign of the determinant and a number.
+    complete : str
+        "counted": all complex solutions were found, and a check of their number holds; what is
+        real among them is here. "searched": many starts led to these, see ``unseen``.
+    complex_count : int or None
+        Finite complex solutions, a multiple one as often as it counts; None where not counted.
+    infinite : int
+        Generic solutions that go to infinity at these values.
+    multiplicity : (n,) array of int
+        More than 1 where solutions meet: there the posture is singular.
+    certified : (n,) array of bool
+        Whether the posture is proved to exist, and alone in its box.
+    radius : (n,) array
+        Half the sides of that box, dimensionless; NaN without.
+    beyond_limits : tuple of tuple of str
+        Of each: joints outside their limits.
+    families : tuple of Family
+        What is not isolated.
+    hits : (n,) array of int
+        How many random starts led to each.
+    starts : int
+    unseen : float
+        Least estimate of how many postures no start led to [Chao1984]; from the hits.
+    held : str
+    pinned : mapping of joint to value [m or rad]
+    target_pose : tuple of float
+        x y z qx qy qz qw of the tip where its pose is held, and ``outputs`` that count.
+    notes : tuple of str
+    """
+
+    q: np.ndarray
+    names: tuple[str, ...]
+    complete: str
+    complex_count: int | None
+    infinite: int
+    multiplicity: np.ndarray
+    certified: np.ndarray
+    radius: np.ndarray
+    residual: np.ndarray
+    branch: np.ndarray
+    beyond_limits: tuple[tuple[str, ...], ...]
+    families: tuple[Family, ...]
+    hits: np.ndarray
+    starts: int
+    unseen: float
+    held: str
+    pinned: Mapping[str, float] = field(default_factory=dict)
+    target_pose: tuple[float, ...] = ()
+    outputs: tuple[str, ...] = ()
+    notes: tuple[str, ...] = field(default=())
+
+    @property
+    def count(self) -> int:
+        """Number of postures."""
+        return len(self.q)
+
+    def __len__(self) -> int:
+        """Number of postures."""
+        return len(self.q)
+
+    def __iter__(self) -> Iterator[Solution]:
+        """Each as a ``Solution``."""
+        return (self[i] for i in range(len(self)))
+
+    def __getitem__(self, which: int | str) -> Solution:
+        """One of them, by number or name, as a ``Solution`` that ``guess=`` accepts.
+
+        Raises
+        ------
+        IndexError, KeyError
+            There is none.
+        """
+        if isinstance(which, str):
+            if which not in self.names:
+                raise KeyError(f"no posture is called {which!r}; there are {', '.join(self.names)}")
+            which = self.names.index(which)
+        i = range(len(self))[which]
+        beyond = self.beyond_limits[i]
+        note = f"; beyond the limits of {', '.join(beyond)}" if beyond else ""
+        return Solution(
+            q=self.q[i].copy(),
+            residual=float(self.residual[i]),
+            converged=True,
+            iterations=0,
+            message=f"closed to {self.residual[i]:.1e}, mode {self.names[i]}{note}",
+            branch=int(self.branch[i]) or None,
+            beyond_limits=beyond,
+        )
+
+    def certificate(self, mechanism: Mechanism) -> dict[str, Any]:
+        """What is proved, for a checker that shares nothing with us: plain numbers and names.
+
+        Of each proved posture: q (lengths in m), and half the side of the box of steps, in units of
+        ``length`` for slides and places and in rad for angles. What is held stands beside.
+        """
+        return {
+            "format": "closedchain certificate 1",
+            "mechanism": mechanism.name,
+            "parameters": dict(mechanism.parameters),
+            "length": mechanism.length,
+            "held": self.held,
+            "pinned": dict(self.pinned),
+            "pose": list(self.target_pose),
+            "outputs": list(self.outputs),
+            "count": self.count,
+            "complete": self.complete,
+            "complex_count": self.complex_count,
+            "postures": [
+                {
+                    "name": self.names[i],
+                    "joints": by_joint(mechanism, self.q[i]),
+                    "radius": float(self.radius[i]),
+                }
+                for i in np.flatnonzero(self.certified)
+            ],
+        }
+
+    @property
+    def text(self) -> str:
+        """What was found and how sure that is, in sentences."""
+        what = "posture" if self.count == 1 else "postures"
+        lines = [f"{self.count} {what} with {self.held}."]
+        if self.complete == "counted":
+            lines.append(
+                f"Counted: {self.complex_count} complex solutions, of which these are real."
+            )
+        else:
+            least = int(self.hits.min()) if self.count else 0
+            lines.append(
+                f"Searched: {self.starts} starts, no posture hit less than {least} times; by the "
+                f"hits {self.unseen:.1f} more may be unseen, at least. That none is missing is not "
+                "proved."
+            )
+        if self.infinite:
+            lines.append(f"{self.infinite} generic solutions are at infinity here.")
+        if self.count and self.certified.all():
+            lines.append(
+                f"Each is proved to exist, alone within {self.radius.max():.0e} (Krawczyk's test)."
+            )
+        elif self.count:
+            left = int((~self.certified).sum())
+            lines.append(f"{left} could not be proved to be alone: singular, or nearly so.")
+        for i in np.flatnonzero(self.multiplicity > 1):
+            lines.append(f"{self.names[i]} counts {self.multiplicity[i]} times: it is singular.")
+        for dimension in sorted({f.dimension for f in self.families}):
+            n = sum(f.dimension == dimension for f in self.families)
+            lines.append(
+                f"{n} of them {'stands' if n == 1 else 'stand'} for a family of postures, of "
+                f"dimension {dimension}."
+            )
+        beyond = sum(bool(b) for b in self.beyond_limits)
+        if beyond:
+            lines.append(f"{beyond} of them have joints beyond their limits.")
+        return " ".join([*lines, *self.notes])
+
+
+def by_joint(mechanism: Mechanism, q: np.ndarray) -> dict[str, list[float]]:
+    """Numbers of a posture (nq,) under the names of the joints that they belong to."""
+    model = mechanism.model
+    return {
+        str(model.names[j]): q[model.idx_qs[j] : model.idx_qs[j] + model.nqs[j]].tolist()
+        for j in range(1, model.njoints)
+    }

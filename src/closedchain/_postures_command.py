@@ -1,0 +1,144 @@
+"""The command ``closedchain postures``: all assembly modes, working modes, or joints held."""
+
+from __future__ import annotations
+
+import json as text
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from closedchain import _arguments as arguments
+from closedchain._options import Json, NoXacro, Outputs, Robot, Settings, Triple, Values, Variant
+from closedchain._terminal import fail, print_json, remark, say, table
+
+if TYPE_CHECKING:
+    from closedchain.closure import Mechanism
+    from closedchain.closure.modes.result import Postures
+
+
+def postures(
+    robot: Robot,
+    values: Values = None,
+    xyz: Annotated[
+        Triple | None,
+        typer.Option(metavar="X Y Z", help="Hold the tip here [m] instead of inputs."),
+    ] = None,
+    rpy: Annotated[
+        Triple | None,
+        typer.Option(metavar="R P Y", help="Hold the tip's orientation [rad] instead of inputs."),
+    ] = None,
+    fixed: Annotated[
+        list[str] | None,
+        typer.Option(metavar="JOINT=VALUE", help="Hold joints [m or rad] instead of inputs."),
+    ] = None,
+    outputs: Outputs = None,
+    no_count: Annotated[
+        bool, typer.Option("--no-count", help="Search only; do not count complex solutions.")
+    ] = False,
+    seconds: Annotated[
+        float | None, typer.Option(help="Time after which counting is given up [s].")
+    ] = None,
+    certificate: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Write what is proved, as JSON.")
+    ] = None,
+    settings: Settings = None,
+    variant: Variant = None,
+    no_xacro: NoXacro = False,
+    json: Json = False,
+) -> None:
+    """All postures with the inputs, the tip's pose or some joints held."""
+    import closedchain as cc
+
+    mechanism = arguments.load_robot(robot, settings or (), variant, xacro=not no_xacro)
+    held = _held(mechanism, values, xyz, rpy, fixed)
+    if seconds is not None:
+        arguments.positive(seconds, "--seconds")
+    found = cc.postures(
+        mechanism,
+        **held,
+        outputs=outputs,
+        count=not no_count,
+        seconds=seconds,
+        progress=_Told().tell,
+    )
+    if certificate is not None:
+        certificate.write_text(text.dumps(found.certificate(mechanism), indent=1) + "\n")
+        remark(f"written to {certificate}")
+    if json:
+        print_json({"robot": mechanism.name, "inputs": mechanism.inputs, **_data(found)})
+        return
+    _report(mechanism, found)
+
+
+class _Told:
+    """Says each phase once, on stderr."""
+
+    def __init__(self) -> None:
+        self.last = ""
+
+    def tell(self, what: str, done: int, total: int) -> None:
+        """Say a phase where it is new."""
+        if what != self.last:
+            remark(f"{what} ...")
+            self.last = what
+
+
+def _held(
+    mechanism: Mechanism,
+    values: list[str] | None,
+    xyz: Triple | None,
+    rpy: Triple | None,
+    fixed: list[str] | None,
+) -> dict[str, Any]:
+    """What is held, as ``cc.postures`` takes it."""
+    import numpy as np
+    import pinocchio as pin
+
+    posed = xyz is not None or rpy is not None
+    if sum((bool(values), posed, fixed is not None)) > 1:
+        fail("hold inputs, or the tip (--xyz, --rpy), or joints (--fixed), one of these")
+    if posed:
+        arguments.finite((*(xyz or ()), *(rpy or ())), "tip pose")
+        pose = mechanism.pose(mechanism.home)
+        rotation = pose.rotation if rpy is None else pin.rpy.rpyToMatrix(*rpy)
+        return {"pose": pin.SE3(rotation, pose.translation if xyz is None else np.array(xyz))}
+    if fixed is not None:
+        given = arguments.assignments(fixed, "--fixed")
+        return {"fixed": {n: arguments.number(v, f"--fixed {n}") for n, v in given.items()}}
+    given_inputs = arguments.input_values(mechanism, values or ())
+    return {"inputs": arguments.all_inputs(mechanism, given_inputs)}
+
+
+def _data(found: Postures) -> dict[str, Any]:
+    return {
+        "count": found.count,
+        "complex_count": found.complex_count,
+        "complete": found.complete,
+        "names": found.names,
+        "q": found.q,
+        "certified": found.certified,
+        "radius": found.radius,
+        "multiplicity": found.multiplicity,
+        "residual": found.residual,
+        "beyond_limits": found.beyond_limits,
+        "families": [{"dimension": f.dimension, "q": f.q} for f in found.families],
+        "hits": found.hits,
+        "starts": found.starts,
+        "unseen": found.unseen,
+        "text": found.text,
+    }
+
+
+def _report(mechanism: Mechanism, found: Postures) -> None:
+    say(found.text)
+    if not found.count:
+        return
+    tip = mechanism.task is not None
+    columns = ["mode", *(("tip x", "tip y", "tip z") if tip else ()), "proved", "beyond limits"]
+    rows = []
+    for i, name in enumerate(found.names):
+        place = mechanism.pose(found.q[i]).translation.tolist() if tip else []
+        proved = "yes" if found.certified[i] else "no"
+        rows.append([name, *(x + 0.0 for x in place), proved, " ".join(found.beyond_limits[i])])
+    table(columns, rows)

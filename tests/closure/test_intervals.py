@@ -1,0 +1,75 @@
+"""Intervals hold the true values: against mpmath with fifty digits."""
+
+from __future__ import annotations
+
+import math
+
+import mpmath
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from closedchain.closure.tape.expression import Expr, Graph
+from closedchain.closure.tape.intervals import Interval, interval
+from closedchain.closure.tape.numbers import evaluate
+
+finite = st.floats(-50.0, 50.0, allow_subnormal=False)
+
+
+def holds(box: Interval, value: mpmath.mpf) -> bool:
+    return bool(mpmath.mpf(float(box.low)) <= value <= mpmath.mpf(float(box.high)))
+
+
+@given(x=finite, y=finite, width=st.floats(0.0, 8.0), share=st.floats(0.0, 1.0))
+def test_every_value_of_a_box_lies_in_the_result(
+    x: float, y: float, width: float, share: float
+) -> None:
+    def made(a: Expr, b: Expr) -> list[Expr]:
+        s, c = a.sin(), a.cos()
+        return [a + b, a - b, a * b, s, c, s * s + c * c, (a * a + 1.0).sqrt(), (s + 3.0).recip()]
+
+    g = Graph()
+    tape = g.tape(made(*g.inputs(0, 2)), 2)
+    box = Interval(np.array(x), np.array(x + width))
+    found = evaluate(tape, [box, interval(y)])
+    inside = min(max(x + share * width, x), x + width)
+    with mpmath.workdps(50):
+        a, b = mpmath.mpf(inside), mpmath.mpf(y)
+        s, c = mpmath.sin(a), mpmath.cos(a)
+        true = [a + b, a - b, a * b, s, c, s * s + c * c, mpmath.sqrt(a * a + 1), 1 / (s + 3)]
+        for number, value in zip(found, true, strict=True):
+            assert holds(number, value)
+
+
+def test_points_stay_narrow() -> None:
+    x = interval(np.linspace(-3.0, 3.0, 101))
+    g = Graph()
+    a = g.input(0)
+    (found,) = evaluate(g.tape([a.sin() * a.cos() + a], 1), [x])
+    assert (found.high - found.low).max() < 1e-14
+
+
+def test_extremes_within_are_found() -> None:
+    g = Graph()
+    a = g.input(0)
+    low, high = np.array([0.5, 1.0, -0.1, 10.0]), np.array([2.0, 1.5, 0.1, 17.0])
+    sine, cosine = evaluate(g.tape([a.sin(), a.cos()], 1), [Interval(low, high)])
+    assert sine.high[0] == 1.0
+    assert sine.high[1] < 1.0
+    assert cosine.high[2] == 1.0
+    assert (sine.low[3], sine.high[3]) == (-1.0, 1.0)
+    assert math.isclose(float(cosine.low[0]), math.cos(2.0), abs_tol=1e-14)
+
+
+def test_what_may_be_zero_has_no_bound_below() -> None:
+    g = Graph()
+    (found,) = evaluate(g.tape([g.input(0).recip()], 1), [Interval(np.array(-1.0), np.array(1.0))])
+    assert (float(found.low), float(found.high)) == (-math.inf, math.inf)
+
+
+def test_intervals_are_not_compared() -> None:
+    g = Graph()
+    a = g.input(0)
+    with pytest.raises(TypeError, match="not compared"):
+        evaluate(g.tape([a.max(0.0)], 1), [interval(np.array(1.0))])
