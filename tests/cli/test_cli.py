@@ -183,6 +183,8 @@ def test_inverse_keeps_homes_orientation_and_position() -> None:
 def test_classify() -> None:
     assert "inverse singularity (type 1)" in good("classify", "d1")
     home = data("classify", "d1")
+    assert home["distance"] == 0.0 < home["accuracy"]
+    assert home["nearest"]["direct"]["distance"] is None  # no singular value of that kind is small
     assert home["kinds"] == ["inverse"]
     assert home["combined"] is False
     assert len(home["lost_twists"]) == 1
