@@ -180,8 +180,9 @@ def redundancy(
     Raises
     ------
     ClosureError
-        Malformed or open posture, unknown outputs, no task.
+        Malformed or open posture, unknown outputs, no task, no inputs.
     """
+    mechanism.required_inputs()
     at = first_order(mechanism, q, outputs)
     decided = Deciding(at)
     rank = decided.held.rank

@@ -382,6 +382,15 @@ class Mechanism:
             )
         return self.task
 
+    def required_inputs(self) -> tuple[str, ...]:
+        """Return the inputs, or raise ``ClosureError`` where the description states none."""
+        if not self.inputs:
+            raise ClosureError(
+                f"mechanism {self.name!r} has no inputs: add "
+                '<transmission name="..."><joint name="..."/></transmission> for each to its URDF'
+            )
+        return self.inputs
+
     def outputs(self, outputs: str | tuple[str, ...] | list[str] | None = None) -> tuple[str, ...]:
         """Outputs of a task: those of the description, or a choice such as "x y z rx rz".
 

@@ -218,7 +218,8 @@ def _pinned(mechanism: Mechanism, q: np.ndarray, values: np.ndarray) -> np.ndarr
 
 
 def _solution(problem: Problem, found: Single) -> Solution:
-    if found.sense >= 0.0 and found.beyond >= -LIMIT_TOLERANCE:
+    nothing_left = problem.square or bool(problem.goals)
+    if nothing_left and found.sense >= 0.0 and found.beyond >= -LIMIT_TOLERANCE:
         side = _side(problem, found.det)
         return found_on_branch(
             found.q, found.residual, found.evaluations, side, problem.jacobian_at
@@ -226,7 +227,7 @@ def _solution(problem: Problem, found: Single) -> Solution:
     mechanism = problem.mechanism
     beyond = beyond_limits(mechanism, found.q) if found.beyond < -LIMIT_TOLERANCE else ()
     message = f"closed to {found.residual:.1e} on the branch of the guess{limit_note(beyond)}"
-    if not problem.square and not problem.goals:
+    if not nothing_left:
         message += _undriven(problem)
     ending = Ending.ARRIVED
     if found.sense < 0.0:

@@ -13,6 +13,7 @@ import numpy as np
 
 from closedchain.analysis.redundancy import Redundancy, redundancy
 from closedchain.analysis.singularity.maps.grid import STATUSES, Progress, grid_of
+from closedchain.analysis.singularity.maps.labels import variable_name
 from closedchain.analysis.singularity.maps.mapping import singularity_map
 from closedchain.analysis.singularity.sets.finding import set_of
 from closedchain.analysis.singularity.sets.lattice import Lattice, lattice_of
@@ -175,13 +176,14 @@ def survey(
     Raises
     ------
     ClosureError
-        Unknown coordinates, kinds or mode, bad ranges or resolution, a coordinate held that every
-        slice varies, a start from which a slice asked for cannot be followed.
+        No inputs; unknown coordinates, kinds or mode, bad ranges or resolution, a coordinate held
+        that every slice varies, a start from which a slice asked for cannot be followed.
     """
     kinds = tuple(kinds)
     for kind in kinds:
         if kind not in KINDS:
             raise ClosureError(known_names(str(kind), "kind of singularity", KINDS))
+    mechanism.required_inputs()
     names = mechanism.outputs(outputs)
     at, wanted = dict(at or {}), Wanted(dict(ranges or {}), resolution, span)
     for name in (*wanted.ranges, *at):
@@ -276,10 +278,10 @@ def _slice(
         found.attrs["start"] = f"mode {mode}"
     grid = grid_of(mechanism, axes, dict(at) or None, outputs=names, mode=mode)
     arrays = {str(name): found[name].to_numpy() for name in found.data_vars}
+    postures = variable_name("q", tuple(axes))
+    arrays["q"] = found[postures].to_numpy()
     lattice = lattice_of(grid, arrays, names)
-    return Slice(
-        found.drop_vars(variable_name("q", tuple(axes))), _sets(lattice, kinds, names, report)
-    )
+    return Slice(found.drop_vars(postures), _sets(lattice, kinds, names, report))
 
 
 def _sets(

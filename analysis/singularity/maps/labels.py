@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -27,7 +27,10 @@ STATUS_LABELS = {
 
 
 def labelled(grid: Grid, arrays: Mapping[str, np.ndarray], measures: Choice) -> xr.Dataset:
-    """Label the arrays of a map: "status", "q" and the measures, each with the grid's shape."""
+    """Label the arrays of a map: "status", "q" and the measures, each with the grid's shape.
+
+    What a coordinate is called like has an underscore behind its name.
+    """
     import xarray as xr
 
     variables = {}
@@ -36,12 +39,20 @@ def labelled(grid: Grid, arrays: Mapping[str, np.ndarray], measures: Choice) -> 
             continue
         values = arrays[name]
         more = ("nq",) if name == "q" else ()
-        variables[name] = ((*grid.names, *more), values, array_labels(name, measures, grid))
+        label = variable_name(name, grid.names)
+        variables[label] = ((*grid.names, *more), values, array_labels(name, measures, grid))
     coordinates = {
         name: (name, values, coordinate_labels(grid.chart, name))
         for name, values in zip(grid.names, grid.values, strict=True)
     }
     return xr.Dataset(variables, coords=coordinates, attrs=map_labels(grid, measures.outputs))
+
+
+def variable_name(name: str, coordinates: Sequence[str]) -> str:
+    """What an array of a map is called beside these coordinates."""
+    while name in coordinates:
+        name += "_"
+    return name
 
 
 def variables_of(measures: Choice) -> tuple[str, ...]:
