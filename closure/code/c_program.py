@@ -10,7 +10,7 @@ import numpy as np
 
 from closedchain.closure.code.cases import Case
 from closedchain.closure.code.judging import Judging
-from closedchain.closure.code.program import ENDINGS, Program
+from closedchain.closure.code.program import ENDINGS, FALL, Program
 from closedchain.closure.code.resources import blocks, resource
 from closedchain.closure.solve.control import ASKING, FRESH, STATE
 from closedchain.closure.solve.outcome import Ending
@@ -182,7 +182,7 @@ class CProgram:
     def _constants(self) -> str:
         program, r, m = self.program, self.real, self.program.mechanism
         integers = {k: v for k, v in program.constants.items() if k not in HEADED}
-        integers |= {"STATE": len(STATE)}
+        integers |= {"STATE": len(STATE), "P": program.first_rate}
         integers |= {name.upper(): STATE.index(name) for name in ("reached", "status")}
         integers["EVALUATIONS"] = STATE.index("evaluations")
         integers |= {f"{way.upper()}_STATES": follower.states for way, follower in program.ways}
@@ -195,6 +195,7 @@ class CProgram:
             "EPSILON": r.epsilon,
             "LARGEST": r.largest,
             "RANK_LOST": r.rank_lost,
+            "FALL": FALL,
         }
         lines = [f"#define NAME_{key} {value}" for key, value in integers.items()]
         lines += [f"#define NAME_{key} {r.signed(value)}" for key, value in numbers.items()]
@@ -263,9 +264,9 @@ class CProgram:
         ]
 
     def _matrices(self) -> str:
-        """K, J and P of a posture, row by row."""
+        """Matrices of a posture, row by row."""
         found = self.program.matrices
-        size = "(NAME_ROWS + NAME_OUTPUTS + NAME_RATES) * NAME_V"
+        size = f"{self.program.matrix_rows} * NAME_V"
         lines, names = statements(found.tape, self.real.language, lambda k: f"q[{k}]")
         lines += [f"for (int i = 0; i < {size}; ++i) y[i] = 0;"]
         texts = as_numbers(found.tape, names)
@@ -278,7 +279,7 @@ class CProgram:
         c = self.program.constants
         most = c["MOST_MOTIONS"]
         sizes = {
-            "k": (c["ROWS"] + c["OUTPUTS"] + c["RATES"]) * c["V"],
+            "k": self.program.matrix_rows * c["V"],
             "lu": c["ROWS"] * c["V"],
             "square": max(c["V"], c["K_RANK"]) ** 2,
             "n": most * c["V"],
@@ -288,7 +289,7 @@ class CProgram:
             "b": most * c["OUTPUTS"],
         }
         fields = [f"name_real {name}[{max(1, size)}];" for name, size in sizes.items()]
-        fields += [f"int columns[{c['V']}];", "int rank;"]
+        fields += [f"int columns[{c['V']}];", "int rank, count, driven;"]
         return f"typedef struct {{\n{indented(fields, 1)}}} name_work;\n"
 
     # -- test --------------------------------------------------------------------------------------

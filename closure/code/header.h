@@ -54,3 +54,10 @@ typedef struct {
    UNTRIED where q is not finite. What is not found is 0. */
 int name_measure(const name_real *q, name_measures *found);
 
+/* Efforts of the inputs [N for slides, N m for angles] that hold a load at rest, joints without
+   friction. wrench: force and moment [N, N m] on the robot at the tip's origin, along the world's
+   axes; 0 for none. fall: acceleration of free fall [m/s^2]; 0 for 9.81 against the world's z,
+   three zeros for none. Returns as name_measure; SINGULAR where the inputs do not hold the load. */
+int name_efforts(const name_real *q, const name_real *wrench, const name_real *fall,
+                 name_real *efforts);
+

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from closedchain.closure.code.judging import Judging
-from closedchain.closure.code.program import ENDINGS, Program
+from closedchain.closure.code.program import ENDINGS, FALL, Program
 from closedchain.closure.code.resources import blocks
 from closedchain.closure.solve.control import ASKING, FRESH, STATE
 from closedchain.closure.solve.path import Follower
@@ -73,6 +73,7 @@ class JsProgram:
         known |= {f"{way.upper()}_STATES": follower.states for way, follower in p.ways}
         known |= {"ASKING": ASKING, "FRESH": FRESH.tolist(), "CLOSED": p.precision.closed}
         known |= {"OPEN_ABOVE": 1e-6, "SMALLEST": p.precision.smallest, "RANK_LOST": 1e-9}
+        known |= {"MATRIX_ROWS": p.matrix_rows, "FIRST_RATE": p.first_rate, "FALL": FALL}
         known |= {"EPSILON": 2.220446049250313e-16, "PASSIVE": m.passive_v.tolist()}
         known |= {"INPUT_Q": m.input_q.tolist(), "INPUT_V": m.input_v.tolist()}
         known |= {"INPUT_UNIT": m.column_scale[m.input_v].tolist()}

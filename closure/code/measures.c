@@ -240,43 +240,95 @@ static void name_determinants(name_work *w, name_measures *found)
 }
 #endif
 
-int name_measure(const name_real *q, name_measures *found)
+/* Closed motions at q, orthonormal in the norm of all joints' rates, and the inputs' rates in them.
+   Determinants are told along the way where `found` is not 0. */
+static int name_motions(const name_real *q, name_work *w, name_measures *found)
 {
-    name_work work, *w = &work;
-    name_real told[4], values[NAME_MOST_MOTIONS];
-    const name_measures none = {0};
-    *found = none;
+    name_real told[4];
     if (!name_finite(q, NAME_Q)) return NAME_UNTRIED;
     name_check(q, told);
     if (!(told[0] < NAME_OPEN_ABOVE)) return NAME_OPEN;
     name_matrices(q, w->k);
     for (int i = 0; i < NAME_ROWS * NAME_V; ++i) w->lu[i] = w->k[i];
     w->rank = name_factors(w->lu, w->columns);
-    const int count = NAME_V - w->rank, driven = NAME_DRIVEN + count;
-    if (count > NAME_MOST_MOTIONS) return NAME_DEGENERATE;
-    name_determinants(w, found);
+    w->count = NAME_V - w->rank;
+    w->driven = NAME_DRIVEN + w->count;
+    if (w->count > NAME_MOST_MOTIONS) return NAME_DEGENERATE;
+    if (found) name_determinants(w, found);
     name_kernel(w->lu, w->columns, w->rank, w->n);
-    name_along(w->k + (NAME_ROWS + NAME_OUTPUTS) * NAME_V, NAME_RATES, w->n, count, w->y);
-    name_orthonormal(w->y, NAME_RATES, w->n, count);
-    for (int t = 0; t < count; ++t)
+    name_along(w->k + NAME_P * NAME_V, NAME_RATES, w->n, w->count, w->y);
+    name_orthonormal(w->y, NAME_RATES, w->n, w->count);
+    for (int t = 0; t < w->count; ++t)
         for (int i = 0; i < NAME_INPUTS; ++i)
             w->a[t * NAME_INPUTS + i] = w->n[t * NAME_V + name_input_v[i]];
+    return NAME_ARRIVED;
+}
+
+/* Least singular value of the inputs' rates; `b`, `beside` numbers for a motion, turns along. */
+static name_real name_sigma_direct(name_work *w, name_real *b, int beside, name_real *values)
+{
+    const int most = w->count < NAME_INPUTS ? w->count : NAME_INPUTS;
+    name_singular_values(w->a, NAME_INPUTS, b, beside, w->count, values);
+    return w->driven > w->count ? 0 : name_value(values, most, w->driven);
+}
+
+int name_measure(const name_real *q, name_measures *found)
+{
+    name_work work, *w = &work;
+    name_real values[NAME_MOST_MOTIONS];
+    const name_measures none = {0};
+    *found = none;
+    const int code = name_motions(q, w, found);
+    if (code != NAME_ARRIVED) return code;
+    const int count = w->count;
     name_along(w->k + NAME_ROWS * NAME_V, NAME_OUTPUTS, w->n, count, w->t);
     for (int i = 0; i < count * NAME_OUTPUTS; ++i) w->b[i] = w->t[i];
     name_singular_values(w->b, NAME_OUTPUTS, w->y, 0, count, values);
     found->sigma_inverse =
         name_value(values, count < NAME_OUTPUTS ? count : NAME_OUTPUTS, NAME_PRODUCED);
-    name_singular_values(w->a, NAME_INPUTS, w->t, NAME_OUTPUTS, count, values);
-    found->sigma_direct = name_value(values, count < NAME_INPUTS ? count : NAME_INPUTS, driven);
-    if (!(found->sigma_direct > NAME_RANK_LOST) || driven > count) return NAME_SINGULAR;
+    found->sigma_direct = name_sigma_direct(w, w->t, NAME_OUTPUTS, values);
+    if (!(found->sigma_direct > NAME_RANK_LOST)) return NAME_SINGULAR;
     for (int o = 0; o < NAME_OUTPUTS; ++o)
         for (int i = 0; i < NAME_INPUTS; ++i) {
             name_real sum = 0;
-            for (int t = 0; t < driven; ++t) {
+            for (int t = 0; t < w->driven; ++t) {
                 const name_real *a = w->a + t * NAME_INPUTS, *b = w->t + t * NAME_OUTPUTS;
                 sum += b[o] / values[t] * (a[i] / values[t]);
             }
             found->twist_map[o][i] = sum * name_output_unit[o] / name_input_unit[i];
         }
+    return NAME_ARRIVED;
+}
+
+int name_efforts(const name_real *q, const name_real *wrench, const name_real *fall,
+                 name_real *efforts)
+{
+    name_work work, *w = &work;
+    name_real values[NAME_MOST_MOTIONS], works[NAME_MOST_MOTIONS], size = 0;
+    name_real load[9] = {0, 0, 0, 0, 0, 0, 0, 0, NAME_FALL};
+    for (int i = 0; i < 9; ++i) {
+        if (i < 6 && wrench) load[i] = wrench[i];
+        if (i > 5 && fall) load[i] = fall[i - 6];
+    }
+    for (int i = 0; i < NAME_INPUTS; ++i) efforts[i] = 0;
+    if (!name_finite(load, 9)) return NAME_UNTRIED;
+    const int code = name_motions(q, w, 0);
+    if (code != NAME_ARRIVED) return code;
+    for (int t = 0; t < w->count; ++t) {
+        works[t] = 0;
+        for (int i = 0; i < 9; ++i)
+            works[t] += load[i] * name_inner(w->k + (NAME_P + NAME_RATES + i) * NAME_V,
+                                             w->n + t * NAME_V, NAME_V);
+        size += name_abs(works[t]);
+    }
+    if (!(name_sigma_direct(w, works, 1, values) > NAME_RANK_LOST)) return NAME_SINGULAR;
+    for (int t = w->driven; t < w->count; ++t)
+        if (name_abs(works[t]) > NAME_RANK_LOST * size) return NAME_SINGULAR;
+    for (int i = 0; i < NAME_INPUTS; ++i) {
+        name_real sum = 0;
+        for (int t = 0; t < w->driven; ++t)
+            sum += works[t] / values[t] * (w->a[t * NAME_INPUTS + i] / values[t]);
+        efforts[i] = -sum / name_input_unit[i];
+    }
     return NAME_ARRIVED;
 }

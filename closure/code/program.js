@@ -273,6 +273,23 @@ function determinants(closures, task, lu, at) {
     return found;
 }
 
+// Closed motions at q, orthonormal in the norm of all joints' rates, and the inputs' rates in them.
+function motionsAt(q) {
+    if (!finite(q, Q) || !(residual(q) < OPEN_ABOVE)) return null;
+    const flat = new Float64Array(MATRIX_ROWS * V);
+    allMatrices(q, flat);
+    const rows = Array.from({length: MATRIX_ROWS}, (_, i) =>
+        Array.from(flat.subarray(i * V, (i + 1) * V)));
+    const closures = rows.slice(0, ROWS), task = rows.slice(ROWS, FIRST_RATE);
+    const first = FIRST_RATE, last = FIRST_RATE + RATES;
+    const rates = rows.slice(first, last), loaded = rows.slice(last);
+    const lu = copied(closures), at = factors(lu), count = V - at.rank;
+    if (count > MOST_MOTIONS) return null;
+    const motions = kernel(lu, at);
+    orthonormal(along(rates, motions), motions);
+    return {closures, task, loaded, lu, at, motions, driven: DRIVEN + count};
+}
+
 /**
  * First-order kinematics of a closed posture.
  *
@@ -283,22 +300,16 @@ function determinants(closures, task, lu, at) {
  * null where q is not closed, or where K loses more than six ranks.
  */
 export function measure(q) {
-    if (!finite(q, Q) || !(residual(q) < OPEN_ABOVE)) return null;
-    const flat = new Float64Array((ROWS + OUTPUTS + RATES) * V);
-    allMatrices(q, flat);
-    const row = (i) => Array.from(flat.subarray(i * V, (i + 1) * V));
-    const rows = Array.from({length: ROWS + OUTPUTS + RATES}, (_, i) => row(i));
-    const closures = rows.slice(0, ROWS), task = rows.slice(ROWS, ROWS + OUTPUTS);
-    const lu = copied(closures), at = factors(lu), count = V - at.rank;
-    if (count > MOST_MOTIONS) return null;
-    const dets = determinants(closures, task, lu, at), motions = kernel(lu, at);
-    orthonormal(along(rows.slice(ROWS + OUTPUTS), motions), motions);
-    const a = inputsIn(motions), t = along(task, motions), driven = DRIVEN + count;
+    const found = motionsAt(q);
+    if (found === null) return null;
+    const {closures, task, lu, at, motions, driven} = found;
+    const {direct: detDirect, inverse: detInverse} = determinants(closures, task, lu, at);
+    const a = inputsIn(motions), t = along(task, motions);
     const produced = singularValues(t.map((x) => x.slice()), []);
     const sigmaInverse = numberedValue(produced, OUTPUTS, PRODUCED);
     const values = singularValues(a, t);
     const sigmaDirect = numberedValue(values, INPUT_V.length, driven);
-    const known = sigmaDirect > RANK_LOST && driven <= count;
+    const known = sigmaDirect > RANK_LOST && driven <= motions.length;
     const entry = (o, i) => {
         let sum = 0;
         for (let k = 0; k < driven; ++k) sum += (t[k][o] / values[k]) * (a[k][i] / values[k]);
@@ -306,6 +317,28 @@ export function measure(q) {
     };
     const rowOf = (_, o) => INPUT_UNIT.map((_, i) => entry(o, i));
     const twistMap = known ? OUTPUT_UNIT.map(rowOf) : null;
-    const {direct: detDirect, inverse: detInverse} = dets;
     return {known, twistMap, sigmaDirect, sigmaInverse, detDirect, detInverse};
+}
+
+/**
+ * Efforts of the inputs [N for slides, N m for angles] that hold a load at rest, joints without
+ * friction. A wrench is force and moment [N, N m] on the robot at the tip's origin, along the
+ * world's axes; `fall` the acceleration of free fall [m/s^2]. null where the inputs do not hold it.
+ */
+export function efforts(q, wrench = [0, 0, 0, 0, 0, 0], fall = [0, 0, FALL]) {
+    const load = [...wrench, ...fall];
+    const found = finite(load, 9) ? motionsAt(q) : null;
+    if (found === null) return null;
+    const {loaded, motions, driven} = found, a = inputsIn(motions);
+    const works = along(loaded, motions).map((x) => [inner(load, x)]);
+    const size = works.reduce((sum, [x]) => sum + Math.abs(x), 0);
+    const values = singularValues(a, works);
+    if (driven > motions.length) return null;
+    if (!(numberedValue(values, INPUT_V.length, driven) > RANK_LOST)) return null;
+    if (works.slice(driven).some(([x]) => Math.abs(x) > RANK_LOST * size)) return null;
+    return Float64Array.from(INPUT_UNIT, (unit, i) => {
+        let sum = 0;
+        for (let k = 0; k < driven; ++k) sum += (works[k][0] / values[k]) * (a[k][i] / values[k]);
+        return -sum / unit;
+    });
 }

@@ -47,15 +47,19 @@ ENDINGS = (
 )
 """How a program's functions end, of all endings."""
 
+FALL = -9.81
+"""Free fall [m/s^2] along the world's z, unless another is given."""
+
 MORE = 6
 """Closed motions beyond the generic ones that a program has room for."""
 
 
 @dataclass(frozen=True, eq=False)
 class Matrices:
-    """The first-order kinematics: entries that are not zero of K, J and P, one after the other.
+    """The first-order kinematics: entries that are not zero of matrices one below the other.
 
-    ``places`` are their places in a row of numbers that holds the three matrices row by row.
+    These are K, J of the outputs, P, and what loads do work on: the tip's twist [m, rad], and the
+    mass moments [kg m]. ``places`` are the entries' places, row by row; ``rates`` counts rows of P.
     """
 
     tape: Tape
@@ -128,13 +132,13 @@ class Program:
 
     @cached_property
     def matrices(self) -> Matrices:
-        """From q to K, J of the outputs, and P, all dimensionless."""
+        """From q to the matrices, for dimensionless rates."""
         k = kinematics(self.mechanism)
         nv = self.mechanism.model.nv
         one = k.graph.constant(1.0)
         columns = physical_rates(k, [{v: one} for v in range(nv)])
         rates = [{v: column[r] for v, column in enumerate(columns)} for r in range(len(columns[0]))]
-        rows: list[Entries] = [*k.closures.entries, *self._task(k), *rates]
+        rows: list[Entries] = [*k.closures.entries, *self._task(k), *rates, *self._loaded(k)]
         places = [
             (r * nv + v, entry)
             for r, row in enumerate(rows)
@@ -149,6 +153,28 @@ class Program:
             return []
         tip = self.mechanism.required_task().tip
         return k.task(tip, [OUTPUTS.index(name) for name in self.outputs])
+
+    def _loaded(self, k: Kinematics) -> list[Entries]:
+        """Rates [m, rad] of the tip along the world's axes, then of the sum of masses times places.
+
+        A wrench and a free fall [m/s^2] do work on them.
+        """
+        m, found = self.mechanism, []
+        if self.outputs:
+            for i, row in enumerate(k.task(m.required_task().tip, range(6))):
+                unit = m.length if i < 3 else 1.0
+                found.append({v: unit * entry for v, entry in row.items()})
+        moments: list[Entries] = [{}, {}, {}]
+        for joint in range(1, m.model.njoints):
+            inertia = m.model.inertias[joint]
+            if not inertia.mass > 0.0:
+                continue
+            _, place = k.frame(joint, pin.SE3(np.eye(3), np.array(inertia.lever)))
+            for v, (linear, _) in k.relative(0, joint, place).items():
+                for row, x in zip(moments, linear, strict=True):
+                    entry = (inertia.mass * m.length) * k.graph.lift(x)
+                    row[v] = row[v] + entry if v in row else entry
+        return [*found, *moments]
 
     # -- numbers -----------------------------------------------------------------------------------
 
@@ -182,6 +208,16 @@ class Program:
         """Sign of the permutation from all coordinates to the passive ones, then the inputs."""
         m = self.mechanism
         return parity([*(int(v) for v in m.passive_v), *(int(v) for v in m.input_v)])
+
+    @property
+    def first_rate(self) -> int:
+        """Row of ``matrices`` that P begins with."""
+        return self.mechanism.rows + len(self.outputs)
+
+    @property
+    def matrix_rows(self) -> int:
+        """Rows of ``matrices``: those of P are followed by nine that loads do work on."""
+        return self.first_rate + self.matrices.rates + 9
 
     @cached_property
     def constants(self) -> dict[str, int]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import json
+import re
 import shutil
 import subprocess
 from dataclasses import dataclass
@@ -37,6 +38,20 @@ class Asked:
     @property
     def poses(self) -> list[np.ndarray]:
         return [pin.SE3ToXYZQUAT(self.mechanism.pose(q)) for q in self.postures]
+
+
+def heavy(m: cc.Mechanism) -> cc.Mechanism:
+    """A mechanism whose links got masses beside their frames."""
+    text = m.description.text
+    for k, link in enumerate(re.findall(r'<link name="(\w+)"/>', text)):
+        mass = (
+            f'<inertial><origin xyz="0.{k + 1} -0.2 0.1"/><mass value="{k + 1}.5"/>'
+            '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
+        )
+        text = text.replace(f'<link name="{link}"/>', f'<link name="{link}">{mass}</link>')
+    found = cc.load_urdf(text, xacro=False)
+    assert sum(inertia.mass for inertia in found.model.inertias) > 1.0
+    return found
 
 
 def asked(m: cc.Mechanism, count: int, share: float) -> Asked:
@@ -92,6 +107,11 @@ class Library:
         found = np.full(size, -7.0)
         getattr(self.code, f"robot_{function}")(address(q), address(found))
         return found
+
+    def efforts(self, q: np.ndarray, wrench: Any, fall: Any) -> tuple[int, np.ndarray]:
+        found = np.full(len(self.mechanism.inputs), -7.0)
+        given = address(q), address(wrench), address(fall), address(found)
+        return int(self.code.robot_efforts(*given)), found
 
     def measured(self, q: np.ndarray) -> tuple[int, np.ndarray, np.ndarray]:
         """Code, twist map, and sigma_direct, sigma_inverse, det_direct, det_inverse."""

@@ -8,9 +8,10 @@ import subprocess
 from pathlib import Path
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from conftest import assert_close
-from exported import AGREE, CC, Asked, Library, asked, compile_c, written
+from exported import AGREE, CC, Asked, Library, asked, compile_c, heavy, written
 from small_linkages import build, joint, loop
 
 import closedchain as cc
@@ -73,6 +74,19 @@ def test_measures_agree(case: tuple[Library, Asked]) -> None:
         assert_close([direct, inverse], [known.sigma_direct, known.sigma_inverse], AGREE)
         for one, other in ((det_direct, known.det_direct), (det_inverse, known.det_inverse)):
             assert one == pytest.approx(0.0 if other is None else other, rel=1e-11)
+
+
+def test_efforts_agree(case: tuple[Library, Asked]) -> None:
+    robot, wanted = case
+    m, rng = robot.mechanism, np.random.default_rng(3)
+    for q in wanted.postures[:6]:
+        wrench, fall = rng.standard_normal(6), rng.standard_normal(3)
+        known = cc.statics(m, q, wrench, gravity=fall)
+        code, found = robot.efforts(q, wrench, fall)
+        assert code == (Ending.ARRIVED.code if known.carried else Ending.SINGULAR.code)
+        assert_close(found, known.inputs if known.carried else 0.0 * known.inputs, 1e-11)
+        known = cc.statics(m, q)
+        assert_close(robot.efforts(q, None, None)[1], known.inputs, 1e-11)
 
 
 def test_an_inverse_singularity_is_measured(case: tuple[Library, Asked]) -> None:
@@ -143,6 +157,32 @@ def four_bar() -> cc.Mechanism:
 
 
 @needs_cc
+def test_weights_are_held(tmp_path: Path) -> None:
+    m = heavy(four_bar())
+    robot = Library.of(m, tmp_path)
+    fall = np.array([1.0, -9.0, 0.5])
+    for angle in np.linspace(0.6, 1.6, 6):
+        _, q = robot.solve("direct", np.array([angle]))
+        code, found = robot.efforts(q, None, fall)
+        assert code == Ending.ARRIVED.code
+        assert_close(found, cc.statics(m, q, gravity=fall).inputs, AGREE * 10)
+        work = [lifted(m, robot.solve("direct", np.array([angle + d]))[1], fall) for d in STEPS]
+        assert found[0] == pytest.approx((work[1] - work[0]) / (STEPS[1] - STEPS[0]), rel=1e-7)
+        assert abs(found[0]) > 0.1
+
+
+STEPS = (-1e-4, 1e-4)
+
+
+def lifted(m: cc.Mechanism, q: np.ndarray, fall: np.ndarray) -> float:
+    """Potential energy [J] in a free fall."""
+    data = m.model.createData()
+    mass = sum(inertia.mass for inertia in m.model.inertias)
+    own = m.model.inertias[0].mass  # of the base, which Pinocchio leaves out
+    return -(mass - own) * float(fall @ pin.centerOfMass(m.model, data, q))
+
+
+@needs_cc
 def test_sanitizers_find_nothing(tmp_path: Path) -> None:
     m = four_bar()
     written(tmp_path, cc.export_code(m, "c", name="bar"))
@@ -155,6 +195,7 @@ def test_sanitizers_find_nothing(tmp_path: Path) -> None:
         "        ++codes[bar_direct(u, k % 2 ? q : 0, next)];\n"
         "        for (int i = 0; i < BAR_Q; ++i) q[i] = next[i];\n"
         "        bar_tip(q, pose);\n        ++codes[bar_inverse(pose, q, q)];\n"
+        "        ++codes[bar_efforts(q, pose, 0, u)];\n"
         "        ++codes[bar_measure(q, &found)];\n        bar_inputs_of(q, u);\n"
         "        if (!bar_sentence(k) || !(bar_residual(q) < 1e-9)) return 1;\n"
         "        if (!(bar_within_limits(q) < 1.1)) return 2;\n    }\n"

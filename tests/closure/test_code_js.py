@@ -8,12 +8,14 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from conftest import assert_close
-from exported import AGREE, NODE, Asked, asked, run_js
+from exported import AGREE, NODE, Asked, asked, heavy, run_js
+from small_linkages import build, joint, loop
 
 import closedchain as cc
 
 pytestmark = pytest.mark.skipif(NODE is None, reason="no node here")
 
+WRENCH, FALL = [1.0, -2.0, 3.0, 0.3, 0.2, -0.1], [0.5, 9.0, -1.0]
 EVERYTHING = """
 const {targets, poses, postures} = given;
 return {
@@ -24,6 +26,8 @@ return {
     bodies: robot.bodies(postures[0]),
     measures: postures.map(robot.measure),
     home: robot.measure(robot.home),
+    weights: postures.map((q) => robot.efforts(q)),
+    efforts: postures.map((q) => robot.efforts(q, given.wrench, given.fall)),
     named: [robot.inputs.map((x) => x.name), robot.outputs, robot.coordinates.length],
 };
 """
@@ -35,6 +39,7 @@ def case(
 ) -> tuple[Asked, dict]:
     wanted = asked(cc.load(request.param), 20, 0.1)
     given = {"targets": wanted.targets, "poses": wanted.poses, "postures": wanted.postures}
+    given |= {"wrench": WRENCH, "fall": FALL}
     found = run_js(tmp_path_factory.mktemp("js"), wanted.mechanism, EVERYTHING, given)
     return wanted, found
 
@@ -87,6 +92,34 @@ def test_measures_agree(case: tuple[Asked, dict]) -> None:
             assert (measures[name] is None) == (other is None)
             if other is not None:
                 assert measures[name] == pytest.approx(other, rel=1e-11, abs=1e-9)
+
+
+def test_efforts_agree(case: tuple[Asked, dict]) -> None:
+    wanted, found = case
+    m = wanted.mechanism
+    for q, weight, effort in zip(
+        wanted.postures[:6], found["weights"], found["efforts"], strict=False
+    ):
+        assert_close(weight, cc.statics(m, q).inputs, 1e-11)
+        known = cc.statics(m, q, WRENCH, gravity=FALL)
+        assert (effort is not None) == known.carried
+        if known.carried:
+            assert_close(effort, known.inputs, 1e-11)
+
+
+def test_weights_are_held(tmp_path: Path) -> None:
+    links = "base a b c"
+    parts = [joint("crank", "base", "a"), joint("elbow", "a", "b", "1 0 0"),
+             joint("rocker", "base", "c", "2 0 0"),
+             loop("revolute", "b", "2.5 0 0", "c", "2 0 0")]  # fmt: skip
+    task = '<task base="base" tip="b" outputs="rz"/>'
+    start = {"crank": 1.0, "elbow": -1.0, "rocker": 1.5}
+    m = heavy(build(links, parts, start, inputs="crank", task=task))
+    body = "return robot.efforts(robot.home, undefined, given.fall);"
+    found = run_js(tmp_path, m, body, {"fall": FALL})
+    known = cc.statics(m, m.home, gravity=FALL).inputs
+    assert abs(known[0]) > 0.1
+    assert_close(found, known, 1e-11)
 
 
 def test_a_way_through_a_singularity_ends_before_it(tmp_path: Path) -> None:
