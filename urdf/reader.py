@@ -26,6 +26,7 @@ from closedchain.urdf._checks import (
 )
 from closedchain.urdf._dynamics import what_dynamics_read
 from closedchain.urdf._foreign import set_aside
+from closedchain.urdf._notes import merged
 from closedchain.urdf._roles import read_input, read_remark, read_state, read_task
 from closedchain.urdf.constraint_element import CONSTRAINT, read_constraint
 from closedchain.urdf.description import (
@@ -146,7 +147,7 @@ def read(text: str, *, parameters: Mapping[str, ParameterValue] = _NONE) -> Desc
         home=states.pop(_HOME, {}),
         states=states,
         remarks=tuple(read_remark(element) for element in root.findall("remark")),
-        notes=tuple(notes),
+        notes=merged(notes),
         parameters=parameters,
         text=text,
     )

@@ -82,6 +82,19 @@ def test_a_urdf_says_that_a_yaml_lies_beside_it(tmp_path: Path) -> None:
     assert any("robot.yaml beside this file says loops" in note for note in m.notes)
 
 
+def test_a_joint_that_is_not_there_is_noted(tmp_path: Path) -> None:
+    changes = {"joint_name: []": "joint_name: ['Lc']", "joint_type: []": "joint_type: [UJOINT_ZY]"}
+    m = cc.load_file(files(tmp_path, "fixed", "3d", **changes))
+    assert any("the joint_type UJOINT_ZY was not read: unknown joint 'Lc'" in n for n in m.notes)
+
+
+def test_words_are_words(tmp_path: Path) -> None:
+    """Lists in lists, as an attack may nest them by references, are not written out."""
+    bomb = "a: &a [x, x]\nb: &b [*a, *a]\nname_mot: [*b, *b]\nclosed_loop: []\ntype: []\n"
+    with pytest.raises(DescriptionError, match="name_mot must hold words only"):
+        read_sidecar(bomb)
+
+
 @pytest.mark.parametrize(("old", "new", "phrase"), [
     ("'loop_A'", "'loop_C'", "unknown frame 'loop_C'"),
     ("'La'", "'Lo'", "unknown joint 'Lo'"),

@@ -101,7 +101,7 @@ def test_exporters_files() -> None:
     assert sum("a fixed joint follows none" in note for note in wrist.notes) == 1
     assert wrist.inputs == ()
     bare = read((cases / "no_bounds.urdf").read_text())
-    assert len(bare.notes) == 4
+    assert len(bare.notes) == 1
     assert all(joint.upper == float("inf") for joint in bare.joints)
 
 
@@ -110,3 +110,10 @@ def test_equal_elements_make_one_sentence() -> None:
     note, question = read(text).notes
     assert "are loops missing?" in question
     assert note.endswith("<gazebo> and 2 more of the kind were not read")
+
+
+def test_joints_without_bounds_make_one_sentence() -> None:
+    text = arm(limit='<limit effort="1" velocity="1"/>').replace(LIMIT, '<limit effort="1"/>')
+    text = text.replace('<limit effort="1"/>', '<limit effort="1" velocity="1"/>')
+    (note,) = (n for n in read(text).notes if "bounds" in n)
+    assert "<limit> in <joint 'j'> and in 1 more have neither lower nor upper: each was" in note

@@ -51,10 +51,14 @@ if TYPE_CHECKING:
 
 _TYPES: Mapping[str, ClosureType] = {"3d": "spherical", "6d": "fixed"}
 _KEYS = ("closed_loop", "type", "loop_name", "name_mot", "joint_name", "joint_type")
+_AXES: Mapping[str, Vector3] = {
+    "X": (1.0, 0.0, 0.0),
+    "Y": (0.0, 1.0, 0.0),
+    "Z": (0.0, 0.0, 1.0),
+}
 _HINGES: Mapping[str, tuple[Vector3, Vector3]] = {
-    "UJOINT_XY": ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)),
-    "UJOINT_YZ": ((0.0, 1.0, 0.0), (0.0, 0.0, 1.0)),
-    "UJOINT_ZX": ((0.0, 0.0, 1.0), (1.0, 0.0, 0.0)),
+    f"UJOINT_{first}{second}": (_AXES[first], _AXES[second])
+    for first, second in ("XY", "YZ", "ZX", "YX", "ZY", "XZ")
 }
 _JOINT_TYPES = ("SPHERICAL", "FIXED", *_HINGES)
 
@@ -126,7 +130,11 @@ def read_sidecar(text: str) -> Sidecar:
 def _listed(content: Mapping[str, Any], key: str) -> list[Any]:
     found = content.get(key) or []
     if not isinstance(found, list):
-        raise DescriptionError(f"robot.yaml: {key} must be a list, not {found!r}")
+        raise DescriptionError(f"robot.yaml: {key} must be a list, not a {type(found).__name__}")
+    for item in found:
+        words = item if key == "closed_loop" and isinstance(item, list) else [item]
+        if any(not isinstance(word, str | int | float) for word in words):
+            raise DescriptionError(f"robot.yaml: {key} must hold words only")
     return found
 
 
@@ -142,7 +150,11 @@ def with_sidecar(text: str, sidecar: Sidecar) -> tuple[str, tuple[str, ...]]:
     notes = list(sidecar.notes)
     joints = {str(joint.get("name")): joint for joint in named_children(root, "joint")}
     for name, kind in sidecar.joints.items():
-        _change_type(_known(name, "joint", joints), kind)
+        if name in joints:
+            _change_type(joints[name], kind)
+        else:
+            unknown = known_names(name, "joint", joints, most=4)
+            notes.append(f"robot.yaml: the joint_type {kind} was not read: {unknown}")
     _take_motors(root, sidecar.motors, joints, notes)
     joined = {
         frozenset(str(end.get("link")) for end in named_children(constraint, "parent", "child"))
