@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from closedchain.closure.chart import TILTS, Chart, joint_names
+from closedchain.closure.generic import dimensionless_jacobian, dimensionless_task, generic_ranks
 from closedchain.closure.mechanism import Mechanism
 from closedchain.closure.position import direct
-from closedchain.closure.ranks import numerical_rank
+from closedchain.closure.ranks import null_space, numerical_rank
 from closedchain.closure.solve.continuation import At as Path
 from closedchain.closure.solve.continuation import follow
 from closedchain.closure.solve.newton import Rows, correct
@@ -19,6 +20,8 @@ from closedchain.urdf.description import OUTPUTS
 from closedchain.urdf.errors import ClosureError, known_names
 
 At = Mapping[str, float] | ArrayLike | None
+
+_TURNED = 0.1  # least share of an idle motion that a joint has which is held
 
 
 def chart_of(
@@ -140,7 +143,10 @@ def _filled(
     tilting: bool,
     start: np.ndarray,
 ) -> tuple[str, ...]:
-    """Joints of the chart: those asked for, then inputs until no freedom is left."""
+    """Joints of the chart: those asked for, then inputs until no freedom is left.
+
+    What idle freedoms leave, such as the spin of a rod between two balls, is held too.
+    """
 
     def rank(joints: tuple[str, ...]) -> int:
         chart = _with_held(Chart(mechanism, names, joints, task, tilting, {}, start), start)
@@ -156,7 +162,7 @@ def _filled(
             f"{mechanism.name!r} has {freedoms} freedoms"
         )
     reached = rank(joints)
-    for name in mechanism.inputs:
+    for name in (*mechanism.inputs, *_spinning(mechanism, start)):
         if len(joints) + len(task) == freedoms:
             break
         if name not in joints and rank((*joints, name)) > reached:
@@ -170,6 +176,27 @@ def _filled(
         )
     # in the mechanism's own order, whatever the order of the request
     return tuple(sorted(joints, key=joint_names(mechanism).index))
+
+
+def _spinning(mechanism: Mechanism, q: np.ndarray) -> tuple[str, ...]:
+    """Passive joints that the idle motions at ``q`` (nq,) turn, those that turn most first.
+
+    Motions are idle that leave inputs and tip at rest, if there are as many in every posture.
+    """
+    outputs = () if mechanism.task is None else mechanism.task.outputs
+    if not outputs or not generic_ranks(mechanism, outputs).idle:
+        return ()
+    held = np.eye(mechanism.model.nv)[mechanism.input_v]
+    at_rest = np.vstack(
+        [dimensionless_jacobian(mechanism, q), held, dimensionless_task(mechanism, q, outputs)]
+    )
+    share = np.linalg.norm(null_space(at_rest)[0], axis=1)
+    turned = [
+        (-float(share[joint.idx_v]), name)
+        for name, joint in list(zip(mechanism.model.names, mechanism.model.joints, strict=True))[1:]
+        if joint.nv == 1 and share[joint.idx_v] > _TURNED
+    ]
+    return tuple(name for _, name in sorted(turned))
 
 
 def _with_held(chart: Chart, q: np.ndarray, given: Mapping[str, float] | None = None) -> Chart:

@@ -163,3 +163,14 @@ def test_a_driven_hinge_before_two_others_is_no_ball() -> None:
         tip="arm",
     )
     assert dict(cc.mobility(m).pair_counts) == {"R": 1, "U": 1}
+
+
+def test_maps_hold_the_idle_spin() -> None:
+    m = rod_between_balls()
+    axis = np.linspace(-0.3, 0.3, 7)
+    found = cc.singularity_map(m, {"q1": axis})
+    assert (found["status"] == 0).all()
+    for value, sigma in zip(axis, found["sigma_direct"].values, strict=True):
+        q = cc.direct(m, [value]).raise_if_failed().q
+        # as at the posture itself: an idle spin counts in no measure
+        assert cc.classify(m, q).sigma_direct == pytest.approx(sigma, rel=1e-9)
