@@ -202,3 +202,58 @@ def test_browser_renders_the_page(name: str, tmp_path: Path) -> None:
     assert columns.min() > 0
     assert columns.max() < 799
     assert np.ptp(columns) > 60
+
+
+# -- meshes --------------------------------------------------------------------------------
+
+TRIANGLE = b"triangle".ljust(80) + (1).to_bytes(4, "little") + np.array(
+    [0, 0, 1, 0, 0, 0, 0.1, 0, 0, 0, 0.1, 0], dtype="<f4"
+).tobytes() + b"\0\0"  # fmt: skip
+SHAPES = """<robot name="shapes">
+  <link name="a"><visual><geometry><mesh filename="MESH"/></geometry></visual></link>
+  <link name="b"><visual><geometry><box size="0.1 0.1 0.1"/></geometry></visual></link>
+  <joint name="j" type="continuous"><parent link="a"/><child link="b"/><origin xyz="0.2 0 0"/>
+  </joint>
+</robot>"""
+
+
+def shapes_in(folder: Path, mesh: str) -> Path:
+    folder.mkdir(parents=True, exist_ok=True)
+    file = folder / "shapes.urdf"
+    file.write_text(SHAPES.replace("MESH", mesh))
+    return file
+
+
+def test_meshes_beside_the_file_are_drawn(tmp_path: Path) -> None:
+    file = shapes_in(tmp_path, "meshes/part.stl")
+    (tmp_path / "meshes").mkdir()
+    (tmp_path / "meshes" / "part.stl").write_bytes(TRIANGLE)
+    m = cc.load_urdf(file)
+    assert m.notes == ()
+    drawing = drawn(static_page(m))
+    assert "/bodies/visuals/a_0" in drawing
+    assert "/bodies/visuals/b_0" in drawing
+
+
+def test_meshes_of_packages_are_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "ws" / "arm_description" / "meshes").mkdir(parents=True)
+    (tmp_path / "ws" / "arm_description" / "meshes" / "part.stl").write_bytes(TRIANGLE)
+    mesh = "package://arm_description/meshes/part.stl"
+    elsewhere = shapes_in(tmp_path / "elsewhere", mesh)
+    assert "was not found (name its folder" in cc.load_urdf(elsewhere).notes[0]
+    assert cc.load_urdf(elsewhere, package_dirs=[tmp_path / "ws"]).notes == ()
+    assert cc.load_urdf(elsewhere, package_dirs=[tmp_path / "ws" / "arm_description"]).notes == ()
+    monkeypatch.setenv("ROS_PACKAGE_PATH", str(tmp_path / "ws"))
+    assert cc.load_urdf(elsewhere).notes == ()
+    monkeypatch.delenv("ROS_PACKAGE_PATH")
+    # as packages lie: the file in urdf/, the mesh in meshes/ beside it
+    inside = shapes_in(tmp_path / "ws" / "arm_description" / "urdf", mesh)
+    assert cc.load_urdf(inside).notes == ()
+
+
+def test_a_missing_mesh_is_missed_alone(tmp_path: Path) -> None:
+    m = cc.load_urdf(shapes_in(tmp_path, "part.stl"))
+    assert m.notes == ("mesh 'part.stl' of link 'a' was not found: the link is drawn without it",)
+    page = static_page(m)
+    assert "/bodies/visuals/b_0" in drawn(page)
+    assert "mesh &#x27;part.stl&#x27; of link &#x27;a&#x27; was not found" in page
