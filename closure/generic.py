@@ -138,7 +138,7 @@ def _ranks(mechanism: Mechanism, outputs: tuple[str, ...]) -> GenericRanks:
         inputs.append(motions[mechanism.input_v])
         tips.append(dimensionless_task(mechanism, q, outputs) @ motions)
     scale = max((np.linalg.norm(t, 2) for t in tips if t.size), default=0.0)
-    scale = float(scale) if scale > 0.0 else 1.0
+    scale = float(scale) if scale > RANK_TOLERANCE else 1.0  # below it is rounding
     both = [np.vstack([a, t / scale]) for a, t in zip(inputs, tips, strict=True)]
     return GenericRanks(
         motions=mechanism.model.nv - r,
