@@ -197,7 +197,7 @@ def _again(
             return found, start
         start = closed
         found = follower.alone(start, None, end)
-    if found.code != ARRIVED and found.reached >= 0.0:
+    if not _good(found) and found.reached >= 0.0:
         place = follower.place.run(start[:, None]).T
         way = follow(problem, start[None], place, end[None])
         found = _checked(follower, way, end)

@@ -65,7 +65,7 @@ class _Between:
         )
         moved = q.copy()
         moved[problem.pinned_q] = target[:p]
-        return System(problem.mechanism, np.array(problem.free), goals), moved
+        return System(problem.mechanism, np.array(problem.free, dtype=int), goals), moved
 
     @property
     def travel(self) -> float:

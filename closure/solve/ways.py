@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from closedchain.closure.solve.alone import follow_alone, healthy
-from closedchain.closure.solve.control import SMALLEST
+from closedchain.closure.solve.control import CLOSED, SMALLEST
 from closedchain.closure.solve.outcome import Ending
 from closedchain.closure.solve.path import Way, follower_of
 from closedchain.closure.solve.problem import POSE, Problem
@@ -30,6 +30,9 @@ def follow(
     way = follower_of(problem).run(q, begin, end, smallest)
     codes, reached, postures = way.codes.copy(), way.reached.copy(), way.q.copy()
     started = way.started.copy()
+    for i in _strayed(problem, way, end):
+        # from the start: the kept rows took another branch on the way, where they alone fail
+        postures[i], reached[i], codes[i] = q[i], 0.0, Ending.STUCK.code
     for i in np.flatnonzero(codes != ARRIVED):
         if not healthy(problem, postures[i]):
             continue
@@ -40,6 +43,15 @@ def follow(
             reached[i] = 1.0 if share == 1.0 else reached[i] + (1.0 - reached[i]) * share
             codes[i] = ARRIVED if share == 1.0 else codes[i]
     return Way(postures, reached, codes, way.det, way.evaluations, started)
+
+
+def _strayed(problem: Problem, way: Way, end: np.ndarray) -> np.ndarray:
+    """Ways (k,) that arrived with the kept rows closed and others open."""
+    arrived = way.codes == ARRIVED
+    if not problem.redundant or not arrived.any():
+        return np.zeros(0, dtype=int)
+    (largest, *_) = follower_of(problem).check.run(np.concatenate([way.q.T, end.T]))
+    return np.flatnonzero(arrived & ~(largest < CLOSED))
 
 
 def partway(problem: Problem, begin: np.ndarray, end: np.ndarray, share: float) -> np.ndarray:
