@@ -4,19 +4,26 @@ from __future__ import annotations
 
 import html
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from importlib.resources import files
+from typing import Any
 
 import numpy as np
 
-from closedchain.closure import Mechanism
+from closedchain.closure import Closure, Mechanism
 from closedchain.closure.code.exporting import export_code
-from closedchain.robots._body import Bodies
 from closedchain.robots._page import json_in_script, module_script
 from closedchain.robots._player import moving
+from closedchain.robots._recorder import TO_Z
+from closedchain.robots._scene import Scene
 from closedchain.urdf.description import OUTPUTS
 from closedchain.urdf.errors import ClosureError
+
+Places = Mapping[str, np.ndarray]
+
+FREE_FALL = 9.81
+"""[m/s^2], down the page."""
 
 SINGULAR = 1e-6
 """Singular value below which the page calls a posture singular; LAPACK decides finer."""
@@ -50,8 +57,12 @@ def immovable(mechanism: Mechanism, q: np.ndarray) -> str:
     return ""
 
 
-def controls(mechanism: Mechanism, q: np.ndarray, bodies: Bodies) -> str:
-    """HTML of the instrument, at a closed posture (nq,)."""
+def controls(mechanism: Mechanism, q: np.ndarray, scene: Scene, places: Places) -> str:
+    """HTML of the instrument, at a closed posture (nq,).
+
+    ``places`` are closed postures by name, beside those of the mechanism, to go to.
+    """
+    bodies, named = scene.bodies, _postures(mechanism) | {k: np.array(v) for k, v in places.items()}
     (module,) = export_code(mechanism, "js", name="robot").values()
     knobs = list(_knobs(mechanism, bodies.size))
     measured = bool(mechanism.inputs) and mechanism.task is not None
@@ -62,7 +73,10 @@ def controls(mechanism: Mechanism, q: np.ndarray, bodies: Bodies) -> str:
         "parts": parts,
         "sticks": sticks,
         "knobs": [{"way": k.way, "at": k.at} for k in knobs],
-        "postures": [{"q": posture.tolist()} for _, posture in _postures(mechanism)],
+        "postures": [posture.tolist() for posture in named.values()],
+        "root": [part for part in scene.root.split("/") if part],
+        "names": list(_names(mechanism)),
+        "fall": (-FREE_FALL * TO_Z[scene.up][2]).tolist(),
         "measured": measured,
         "singular": SINGULAR,
         "near": NEAR,
@@ -74,8 +88,9 @@ def controls(mechanism: Mechanism, q: np.ndarray, bodies: Bodies) -> str:
         + '<p id="stop" class="told" role="alert" hidden></p>\n'
         + '<p id="limits" class="told" role="status" hidden></p>\n'
         + _readouts(mechanism, measured)
-        + _buttons(mechanism)
-        + "</div>\n"
+        + (_load(mechanism) if measured else "")
+        + _buttons(named)
+        + '</div>\n<div id="signs" hidden></div>\n'
         + f'<script type="application/json" id="instrument">{json_in_script(data)}</script>\n'
         + module_script(module + script)
     )
@@ -108,15 +123,50 @@ def _knobs(mechanism: Mechanism, size: float) -> Iterator[Knob]:
             yield Knob("inverse", at, ANGLES[at - 3], "rad", -TURN, TURN)
 
 
-def _postures(mechanism: Mechanism) -> list[tuple[str, np.ndarray]]:
+def _postures(mechanism: Mechanism) -> dict[str, np.ndarray]:
     """Named postures that close."""
-    found = []
+    found = {}
     for name in mechanism.postures:
         try:
-            found.append((name, mechanism.posture(name)))
+            found[name] = mechanism.posture(name)
         except ClosureError:
             continue
     return found
+
+
+def _names(mechanism: Mechanism) -> Iterator[dict[str, Any]]:
+    """Joints by name, and where they are: a body (0 for the base) and a point on it [m]."""
+    model = mechanism.model
+    driven = dict(zip(mechanism.input_v.tolist(), mechanism.inputs, strict=True))
+    for i in range(1, model.njoints):
+        if model.nvs[i] == 1:
+            own = str(model.names[i])
+            given = driven.get(int(model.idx_vs[i]), own)
+            text = own if given == own else f"{own} ({given})"
+            driving = int(model.idx_vs[i]) in driven
+            yield {"text": text, "body": i, "at": [0.0, 0.0, 0.0], "driven": driving}
+    for closure in mechanism.closures:
+        if isinstance(closure, Closure):
+            at = [float(x) for x in closure.placement1.translation]
+            yield {"text": closure.name, "body": int(closure.joint1), "at": at, "driven": False}
+
+
+def _load(mechanism: Mechanism) -> str:
+    """Fields for a force at the tip, and the efforts that hold it and the weights."""
+    fields = "".join(
+        f'<input id="force-{i}" type="number" step="1" value="0" aria-label="force {axis} [N]">'
+        for i, axis in enumerate("xyz")
+    )
+    units = ("N" if unit == "m" else "N m" for unit in mechanism.input_units)
+    rows = "".join(
+        f'<tr><th>{html.escape(name)}</th><td id="effort-{i}"></td><td>{unit}</td></tr>'
+        for i, (name, unit) in enumerate(zip(mechanism.inputs, units, strict=True))
+    )
+    return (
+        "<details><summary>efforts that hold a load and the weights</summary>"
+        f'<div class="force"><span>force at the tip, x y z [N]</span>{fields}</div>'
+        f"<table>{rows}</table></details>\n"
+    )
 
 
 def _rows(knobs: list[Knob]) -> str:
@@ -177,12 +227,13 @@ def _coordinate_names(mechanism: Mechanism) -> list[str]:
     return names
 
 
-def _buttons(mechanism: Mechanism) -> str:
-    options = "".join(f"<option>{html.escape(name)}</option>" for name, _ in _postures(mechanism))
+def _buttons(named: Places) -> str:
+    options = "".join(f"<option>{html.escape(name)}</option>" for name in named)
     return (
         '<div class="buttons"><select id="postures" aria-label="go to a posture">'
         f"<option>go to</option>{options}</select>"
         '<button type="button" id="picture">picture</button>'
-        '<button type="button" id="copy">q as numbers</button></div>\n'
+        '<button type="button" id="copy">q as numbers</button>'
+        '<label><input type="checkbox" id="names"> joint names</label></div>\n'
         '<textarea id="copied" aria-label="numbers of q" readonly hidden></textarea>\n'
     )

@@ -29,6 +29,7 @@ class Scene:
     bodies: Bodies
     view: Any
     root: str  # Meshcat's path of the node whose coordinates are the world's
+    up: Up
 
 
 def draw(
@@ -46,7 +47,7 @@ def draw(
         draw_overlay(robot["overlays"][str(i)], overlay, bodies.size)
     points = np.vstack([bodies.extent, *(extent_of(overlay) for overlay in overlays)])
     _look_at(view, points @ TO_Z[up].T, TO_Z[up])
-    return Scene(bodies, robot, robot.path.lower())
+    return Scene(bodies, robot, robot.path.lower(), up)
 
 
 def _look_at(view: Any, points: np.ndarray, rotation: np.ndarray) -> None:

@@ -140,6 +140,7 @@ function show() {
     cell("tip-turn", at.slice(3).map((x) => text(x)).join("  "));
   }
   coordinates.forEach(({unit}, i) => cell(`q-${i}`, text(q[i], unit)));
+  showEfforts();
   const beyond = overLimits();
   element("limits").hidden = !beyond.length;
   cell("limits", "beyond a joint's limit: " + beyond.join(", "));
@@ -175,6 +176,14 @@ function showSigmas() {
   return kinds;
 }
 
+// Efforts for the force that is typed in and the weights of the bodies, down the page.
+function showEfforts() {
+  if (!data.measured) return;
+  const force = [0, 1, 2].map((i) => element(`force-${i}`).valueAsNumber || 0);
+  const found = efforts(q, [...force, 0, 0, 0], data.fall);
+  inputs.forEach((_, i) => cell(`effort-${i}`, found === null ? "not held" : text(found[i])));
+}
+
 function whyStopped(kinds) {
   const direct = last.way === "direct";
   if (!direct && kinds.includes("inverse"))
@@ -195,7 +204,7 @@ element("picture").addEventListener("click", () => viewer.save_image());
 const chooser = element("postures");
 chooser.addEventListener("change", () => {
   const chosen = data.postures[chooser.selectedIndex - 1];
-  if (chosen) toPosture(chosen.q);
+  if (chosen) toPosture(chosen);
   chooser.selectedIndex = 0;
 });
 element("copy").addEventListener("click", () => {
@@ -204,6 +213,42 @@ element("copy").addEventListener("click", () => {
   place.hidden = false;
   place.select();
 });
+
+if (data.measured)
+  for (let i = 0; i < 3; ++i) element(`force-${i}`).addEventListener("input", showEfforts);
+
+// Names stand where the joints are: HTML, moved after each drawing.
+const root = viewer.scene_tree.find(data.root).object, naming = element("names");
+const signs = data.names.map(({text: name, body, at, driven}) => {
+  const sign = element("signs").appendChild(document.createElement("span"));
+  sign.textContent = name;
+  if (driven) sign.className = "driven";
+  return {sign, body, at: new Vector3(...at)};
+});
+const drawBefore = viewer.render.bind(viewer);
+viewer.render = () => {
+  drawBefore();
+  element("signs").hidden = !naming.checked;
+  if (!naming.checked) return;
+  const poses = bodies(q), size = viewer.renderer.domElement, taken = [];
+  for (const {sign, body, at} of signs) {
+    const seen = at.clone();
+    if (body > 0) {
+      const [a, b, c, d, e, f, g, h, k, x, y, z] = poses.subarray(12 * (body - 1), 12 * body);
+      seen.applyMatrix4(new Matrix4().set(a, d, g, x, b, e, h, y, c, f, k, z, 0, 0, 0, 1));
+    }
+    seen.applyMatrix4(root.matrixWorld).project(viewer.camera);
+    sign.hidden = !(Math.abs(seen.z) < 1);
+    const left = 0.5 * (1 + seen.x) * size.clientWidth;
+    let top = 0.5 * (1 - seen.y) * size.clientHeight;
+    const near = ([x, y]) => Math.abs(x - left) < 60 && Math.abs(y - top) < 13;
+    for (let tries = 0; tries < 20 && taken.some(near); ++tries) top += 13; // below one another
+    taken.push([left, top]);
+    sign.style.left = left + "px";
+    sign.style.top = top + "px";
+  }
+};
+naming.addEventListener("change", () => viewer.set_dirty());
 
 // For a console, or another script of the page: what the sliders do.
 globalThis.instrument = {

@@ -10,7 +10,7 @@ import contextlib
 import html
 import threading
 import webbrowser
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from types import TracebackType
 
@@ -64,6 +64,7 @@ def static_page(
     animation: Animation | None = None,
     title: str | None = None,
     controls: bool = False,
+    places: Mapping[str, ArrayLike] | None = None,
 ) -> str:
     """Draw a mechanism as one HTML page that needs nothing but a browser.
 
@@ -86,6 +87,8 @@ def static_page(
     controls : bool
         Whether sliders move the inputs and the tip, with read-outs; not with an animation. The
         page then solves the position problems itself, by the module of ``cc.export_code``.
+    places : mapping of str to (nq,) array, optional
+        Closed postures that the controls offer to go to, beside the mechanism's named ones.
 
     Raises
     ------
@@ -112,7 +115,8 @@ def static_page(
         if controls:
             unmoved = instrument.immovable(mechanism, q)
             lines, style = [*lines, unmoved] if unmoved else [], instrument.style()
-            rest = "" if unmoved else instrument.controls(mechanism, q, scene.bodies)
+            known = {name: mechanism.configuration(p) for name, p in (places or {}).items()}
+            rest = "" if unmoved else instrument.controls(mechanism, q, scene, known)
     else:
         checked_postures(mechanism, animation.q)
         traces = trace_lines(mechanism, animation)
@@ -144,6 +148,7 @@ def serve(
     animation: Animation | None = None,
     title: str | None = None,
     controls: bool = False,
+    places: Mapping[str, ArrayLike] | None = None,
     open_browser: bool = False,
     port: int = 0,
 ) -> Served:
@@ -166,6 +171,7 @@ def serve(
         animation=animation,
         title=title,
         controls=controls,
+        places=places,
     )
     served = Served(text, port)
     if open_browser:

@@ -19,8 +19,10 @@ from closedchain.robots.viewer import Animation, static_page
 PROBE = """<pre id="told"></pre><script>
 const element = (id) => document.getElementById(id);
 addEventListener("error", (event) => { element("told").textContent += event.message; });
+addEventListener("unhandledrejection", (event) => { element("told").textContent += event.reason; });
 addEventListener("load", async () => {
-  const frame = () => new Promise((done) => requestAnimationFrame(done));
+  // a browser without a window makes no frame of a page that does not change
+  const frame = () => new Promise((done) => { requestAnimationFrame(done); viewer.set_dirty(); });
   const shown = async () => { await frame(); await frame(); };
   const text = (id) => element(id).hidden ? "" : element(id).textContent;
   const set = async (id, value, event) => {
@@ -136,6 +138,39 @@ def test_a_singularity_stops_it_and_is_named(d1: cc.Mechanism, tmp_path: Path) -
     assert np.abs(np.array(found["home"]) - d1.home).max() < 1e-9
     assert "inverse singularity" in found["singular"]
     assert found["kinds"] == "inverse singularity"
+
+
+def test_efforts_and_names_are_told_on_demand(delta: cc.Mechanism, tmp_path: Path) -> None:
+    there = cc.direct(delta, [-0.2, -0.1, -0.15]).raise_if_failed().q
+    page = static_page(delta, controls=True, places={"there <b>": there})
+    found = told(
+        page,
+        tmp_path,
+        """
+        const chooser = element("postures");
+        told.places = [...chooser.options].map((o) => o.textContent);
+        chooser.selectedIndex = chooser.options.length - 1;
+        chooser.dispatchEvent(new Event("change"));
+        told.q = instrument.posture();
+        await set("force-0", 4, "input");
+        await set("force-2", -10, "input");
+        told.efforts = [0, 1, 2].map((i) => text(`effort-${i}`));
+        told.before = element("signs").hidden;
+        element("names").click();
+        await shown();
+        told.after = element("signs").hidden;
+        told.signs = [...document.querySelectorAll("#signs span")].map((s) => s.textContent);
+        told.driven = [...document.querySelectorAll("#signs .driven")].map((s) => s.textContent);
+        """,
+    )
+    assert found["places"] == ["go to", *delta.postures, "there <b>"]
+    assert found["q"] == there.tolist()
+    known = cc.statics(delta, there, [4, 0, -10, 0, 0, 0]).inputs
+    assert np.allclose([float(x) for x in found["efforts"]], known, atol=6e-6)
+    assert found["before"] is True
+    assert found["after"] is False
+    assert {*(c.name for c in delta.closures), "leg1_B"} <= set(found["signs"])
+    assert found["driven"] == [f"leg{k}_P (q{k})" for k in (1, 2, 3)]
 
 
 def test_limits_are_told(tmp_path: Path) -> None:
