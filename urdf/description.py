@@ -223,6 +223,8 @@ class Description:
         Folder of the file, for meshes that are named relative to it.
     package_dirs : tuple of str
         Folders that hold the packages of ``package://`` meshes.
+    printed : str
+        The file as it is, where ``text`` says the same in other numbers; else empty.
     """
 
     name: str
@@ -243,6 +245,7 @@ class Description:
     source: str | None = field(default=None, repr=False, compare=False)
     folder: str | None = field(default=None, repr=False, compare=False)
     package_dirs: tuple[str, ...] = field(default=(), repr=False, compare=False)
+    printed: str = field(default="", repr=False, compare=False)
 
     def __post_init__(self) -> None:
         """Write-protect the mappings."""
@@ -274,5 +277,6 @@ class Description:
                 self.source,
                 self.folder,
                 self.package_dirs,
+                self.printed,
             ),
         )

@@ -113,13 +113,24 @@ def last_digit(word: str, coarse: int = COARSE) -> float:
     return float(10.0**-after)
 
 
-def default_tolerance(found: Sequence[Number], length: float) -> float:
+def default_tolerance(description: Description, length: float) -> float:
     """Tolerance [m] of a file: ``UNITS`` times what its coarsest number may be off.
 
-    Angles and axes count times the characteristic ``length`` [m]. 0 where nothing is rounded.
+    Angles and axes count times the characteristic ``length`` [m]. 0 where nothing is rounded. Of a
+    file in another format than URDF all numbers that come in threes or more count, as lengths.
     """
-    off = (n.uncertainty * (1.0 if n.is_length else length) for n in found)
+    if description.printed:
+        return UNITS * max(map(last_digit, _vectors(description.printed)), default=0.0)
+    off = (n.uncertainty * (1.0 if n.is_length else length) for n in numbers(description))
     return UNITS * max(off, default=0.0)
+
+
+def _vectors(text: str) -> Iterator[str]:
+    """The numbers of attributes and texts that hold three or more."""
+    for between in re.findall(r"[\"'>]([^\"'<>]*)[\"'<]", text):
+        words = between.split()
+        if len(words) >= 3 and all(_WRITTEN.fullmatch(word) for word in words):
+            yield from words
 
 
 def with_numbers(

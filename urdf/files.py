@@ -58,10 +58,10 @@ def describe_file(
         return found if file is None else _with_hint(found, Path(file))
     if root == "mujoco":
         _refuse_parameters(parameters, "MJCF")
-        return mjcf.read(text, file)
+        return replace(mjcf.read(text, file), printed=text)
     if root == "sdf":
         _refuse_parameters(parameters, "SDF")
-        return sdf.read(text)
+        return replace(sdf.read(text), printed=text)
     raise DescriptionError(f"the root element is <{root}>; known: {_KNOWN}", line=1, element=root)
 
 

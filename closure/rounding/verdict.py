@@ -50,7 +50,7 @@ def meant(
     """
     found = numbers(mechanism.description)
     if tolerance is None:
-        tolerance = default_tolerance(found, mechanism.length)
+        tolerance = default_tolerance(mechanism.description, mechanism.length)
     share = tolerance / mechanism.length
     if tolerance < NONE or not any(isinstance(c, Closure) for c in mechanism.closures):
         return mechanism, None

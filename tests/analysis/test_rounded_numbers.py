@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Callable
 
@@ -300,3 +301,30 @@ def test_units_of_printed_numbers() -> None:
     }.items():
         assert digits.last_digit(word) == pytest.approx(unit, abs=0.0), word
     assert digits.last_digit("0.707", digits.COARSE_AXIS) == pytest.approx(1e-3)
+
+
+def test_the_default_tolerance_is_ten_units_of_the_coarsest_number() -> None:
+    def tolerance(text: str, length: float = 0.5) -> float:
+        return digits.default_tolerance(read(text), length)
+
+    exact = quarter_turned(repr(math.pi / 2))
+    assert tolerance(exact) == pytest.approx(0.0, abs=1e-15)
+    assert tolerance(exact.replace("0.30 0 0", "0.30001 0 0")) == pytest.approx(1e-4)
+    assert tolerance(exact.replace("0 -1 0", "0 -0.70711 0.70711")) == pytest.approx(5e-5)
+    # an angle printed for a multiple of 15 degrees is off by what it is off, no more
+    assert tolerance(quarter_turned("1.5708")) == pytest.approx(
+        10 * 0.5 * abs(1.5708 - math.pi / 2), rel=1e-9
+    )
+
+
+def test_other_formats_count_by_the_file_as_it_is() -> None:
+    """What is read of them has other numbers, with all digits."""
+    text = quarter_turned(repr(math.pi / 2))
+    plain = read(text)
+    for printed, unit in (
+        ('<body pos="0.1 0.25 0.30001" quat="1 0 0 0"/>', 1e-5),
+        ("<pose>0.1 0 0 0 1.570796 0</pose>", 1e-6),
+        ('<body pos="0.1 0.25 0.3" name="1.23456"/>', 0.0),
+    ):
+        described = dataclasses.replace(plain, printed=printed)
+        assert digits.default_tolerance(described, 0.2) == pytest.approx(10 * unit)
