@@ -51,6 +51,7 @@ def urdf_document(description: Description) -> Element:
         root = _built(description, _NO_SHAPES)
         return root
     followers = {coupling.joint for coupling in description.couplings}
+    joints = {joint.name: joint for joint in description.joints}
     inputs = {item.name for item in description.inputs}
     for element in list(root):
         if element.tag in (CONSTRAINT, "task", "group_state") or element.tag not in _TREE:
@@ -59,6 +60,7 @@ def urdf_document(description: Description) -> Element:
             element.attrib.pop("independent", None)
             if element.get("name") not in followers:
                 _remove_all(element, "mimic")
+            _bring_up_to_date(element, joints[str(element.get("name"))])
         elif element.tag == "transmission":
             inputs.discard(element.get("name"))
     missing = [item for item in description.inputs if item.name in inputs]
@@ -93,6 +95,20 @@ def _original(description: Description) -> Element | None:
     joints = [(str(e.get("name")), str(e.get("type"))) for e in root.findall("joint")]
     same = links == [link.name for link in description.links]
     return root if same and joints == [(j.name, j.type) for j in description.joints] else None
+
+
+def _bring_up_to_date(element: Element, joint: Joint) -> None:
+    """Write origin and axis where the description has others: rounded ones made exact."""
+    if elements.origin(element.find("origin")) != joint.origin:
+        _remove_all(element, "origin")
+        element.append(elements.origin_element(joint.origin))
+    axis = element.find("axis")
+    if joint.type in ("fixed", "floating"):
+        return
+    written = (1.0, 0.0, 0.0) if axis is None else elements.unit_vector(axis)
+    if written != joint.axis:
+        _remove_all(element, "axis")
+        etree.SubElement(element, "axis", xyz=elements.written(joint.axis))
 
 
 def _remove_all(element: Element, tag: str) -> None:

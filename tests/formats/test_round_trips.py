@@ -1,5 +1,6 @@
 """Out and in again: mobility, home, kinds and points of every robot and of every closure kind."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -120,6 +121,28 @@ def test_relations_of_joint_values(relation: str, form: str, tmp_path: Path) -> 
     assert_close(again.home, m.home, 1e-9)
     for q in np.random.default_rng(0).uniform(-1, 1, (4, 3)):
         assert_close(cc.residual(again, q), cc.residual(m, q), 1e-12)
+
+
+@pytest.mark.parametrize("form", FORMATS)
+def test_rounded_numbers_go_out_as_the_exact_ones(form: str, tmp_path: Path) -> None:
+    """Parallelograms in a general direction, to six digits: written, they need no mending."""
+    text, _ = cc.export(cc.load("linear_delta"), "urdf")
+    tilted = text.replace(
+        '<link name="base"',
+        '<link name="ground"/><joint name="tilt" type="fixed"><parent link="ground"/>'
+        '<child link="base"/><origin rpy="0.3 0.5 0.7"/></joint><link name="base"',
+    )
+    rounded = re.sub(
+        r'(xyz|rpy)="([^"]*)"',
+        lambda match: f'{match[1]}="{" ".join(f"{float(x):.6g}" for x in match[2].split())}"',
+        tilted,
+    )
+    m = cc.load_urdf(rounded)
+    again, _ = out_and_in(m, form, tmp_path)
+    assert cc.mobility(again).mobility == 3
+    assert again.misfit < 1e-10
+    tip = m.required_task().tip
+    assert_close(again.point(again.home, tip), m.point(m.home, tip), 1e-9)
 
 
 @pytest.mark.parametrize("form", FORMATS)
