@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import html
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
 from typing import Any
@@ -17,6 +17,7 @@ from closedchain.robots._page import json_in_script, module_script
 from closedchain.robots._player import moving
 from closedchain.robots._recorder import TO_Z
 from closedchain.robots._scene import Scene
+from closedchain.robots.overlays import PostureSeries
 from closedchain.urdf.description import OUTPUTS
 from closedchain.urdf.errors import ClosureError
 
@@ -57,10 +58,17 @@ def immovable(mechanism: Mechanism, q: np.ndarray) -> str:
     return ""
 
 
-def controls(mechanism: Mechanism, q: np.ndarray, scene: Scene, places: Places) -> str:
+def controls(
+    mechanism: Mechanism,
+    q: np.ndarray,
+    scene: Scene,
+    places: Places,
+    series: Sequence[PostureSeries],
+) -> str:
     """HTML of the instrument, at a closed posture (nq,).
 
-    ``places`` are closed postures by name, beside those of the mechanism, to go to.
+    ``places`` are closed postures by name, beside those of the mechanism, to go to, ``series``
+    postures to go through.
     """
     bodies, named = scene.bodies, _postures(mechanism) | {k: np.array(v) for k, v in places.items()}
     (module,) = export_code(mechanism, "js", name="robot").values()
@@ -74,6 +82,7 @@ def controls(mechanism: Mechanism, q: np.ndarray, scene: Scene, places: Places) 
         "sticks": sticks,
         "knobs": [{"way": k.way, "at": k.at} for k in knobs],
         "postures": [posture.tolist() for posture in named.values()],
+        "series": [{"q": one.q.tolist(), "points": one.points.tolist()} for one in series],
         "root": [part for part in scene.root.split("/") if part],
         "names": list(_names(mechanism)),
         "fall": (-FREE_FALL * TO_Z[scene.up][2]).tolist(),
@@ -88,6 +97,7 @@ def controls(mechanism: Mechanism, q: np.ndarray, scene: Scene, places: Places) 
         + '<p id="stop" class="told" role="alert" hidden></p>\n'
         + '<p id="limits" class="told" role="status" hidden></p>\n'
         + _readouts(mechanism, measured)
+        + _series_rows(series)
         + (_load(mechanism) if measured else "")
         + _buttons(named)
         + '</div>\n<div id="signs" hidden></div>\n'
@@ -149,6 +159,21 @@ def _names(mechanism: Mechanism) -> Iterator[dict[str, Any]]:
         if isinstance(closure, Closure):
             at = [float(x) for x in closure.placement1.translation]
             yield {"text": closure.name, "body": int(closure.joint1), "at": at, "driven": False}
+
+
+def _series_rows(series: Sequence[PostureSeries]) -> str:
+    """A slider through each series."""
+    if not series:
+        return ""
+    rows = []
+    for i, one in enumerate(series):
+        label = html.escape(one.label)
+        rows.append(
+            f'<div class="series"><label for="series-{i}">{label}</label>'
+            f'<input id="series-{i}" type="range" min="0" max="{len(one.q) - 1}" step="1" '
+            'value="0"></div>'
+        )
+    return "<h2>postures to go through, or to click at</h2>\n" + "\n".join(rows) + "\n"
 
 
 def _load(mechanism: Mechanism) -> str:

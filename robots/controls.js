@@ -62,6 +62,7 @@ const coordinatesOf = (pose) => [...pose.slice(0, 3), ...toAngles(Array.from(pos
 
 // -- moving --------------------------------------------------------------------------------------
 
+const root = viewer.scene_tree.find(data.root).object;
 let q = Float64Array.from(data.start), last = null, wanted = null;
 
 const knobs = data.knobs.map((knob, i) => {
@@ -217,8 +218,41 @@ element("copy").addEventListener("click", () => {
 if (data.measured)
   for (let i = 0; i < 3; ++i) element(`force-${i}`).addEventListener("input", showEfforts);
 
+// Through a series by its slider, or by a click at one of its points in the scene.
+data.series.forEach(({q: postures}, i) => {
+  const slider = element(`series-${i}`);
+  slider.addEventListener("input", () => toPosture(postures[slider.valueAsNumber]));
+});
+const CLICK = 12; // pixels
+let pressed = null;
+const canvas = viewer.renderer.domElement;
+canvas.addEventListener("pointerdown", (event) => { pressed = [event.clientX, event.clientY]; });
+canvas.addEventListener("pointerup", (event) => {
+  if (pressed === null) return;
+  const [x, y] = [event.clientX, event.clientY], [a, b] = pressed;
+  pressed = null;
+  if (Math.hypot(x - a, y - b) < 4) goTo(x, y);
+});
+
+function goTo(x, y) {
+  let least = CLICK, found = null;
+  data.series.forEach(({points}, i) => points.forEach((point, k) => {
+    const [left, top, depth] = onScreen(new Vector3(...point)), far = Math.hypot(left - x, top - y);
+    if (Math.abs(depth) < 1 && far < least) [least, found] = [far, [i, k]];
+  }));
+  if (found === null) return;
+  const [i, k] = found;
+  element(`series-${i}`).value = k;
+  toPosture(data.series[i].q[k]);
+}
+
+function onScreen(place) {
+  const seen = place.applyMatrix4(root.matrixWorld).project(viewer.camera);
+  return [0.5 * (1 + seen.x) * canvas.clientWidth, 0.5 * (1 - seen.y) * canvas.clientHeight, seen.z];
+}
+
 // Names stand where the joints are: HTML, moved after each drawing.
-const root = viewer.scene_tree.find(data.root).object, naming = element("names");
+const naming = element("names");
 const signs = data.names.map(({text: name, body, at, driven}) => {
   const sign = element("signs").appendChild(document.createElement("span"));
   sign.textContent = name;
@@ -230,17 +264,16 @@ viewer.render = () => {
   drawBefore();
   element("signs").hidden = !naming.checked;
   if (!naming.checked) return;
-  const poses = bodies(q), size = viewer.renderer.domElement, taken = [];
+  const poses = bodies(q), taken = [];
   for (const {sign, body, at} of signs) {
     const seen = at.clone();
     if (body > 0) {
       const [a, b, c, d, e, f, g, h, k, x, y, z] = poses.subarray(12 * (body - 1), 12 * body);
       seen.applyMatrix4(new Matrix4().set(a, d, g, x, b, e, h, y, c, f, k, z, 0, 0, 0, 1));
     }
-    seen.applyMatrix4(root.matrixWorld).project(viewer.camera);
-    sign.hidden = !(Math.abs(seen.z) < 1);
-    const left = 0.5 * (1 + seen.x) * size.clientWidth;
-    let top = 0.5 * (1 - seen.y) * size.clientHeight;
+    const [left, height, depth] = onScreen(seen);
+    let top = height;
+    sign.hidden = !(Math.abs(depth) < 1);
     const near = ([x, y]) => Math.abs(x - left) < 60 && Math.abs(y - top) < 13;
     for (let tries = 0; tries < 20 && taken.some(near); ++tries) top += 13; // below one another
     taken.push([left, top]);
@@ -252,7 +285,8 @@ naming.addEventListener("change", () => viewer.set_dirty());
 
 // For a console, or another script of the page: what the sliders do.
 globalThis.instrument = {
-  posture: () => Array.from(q), toInputs, toPose, toPosture, measure: () => measure(q), inputs, coordinates,
+  posture: () => Array.from(q), measure: () => measure(q), toInputs, toPose, toPosture, goTo,
+  onScreen: (point) => onScreen(new Vector3(...point)), inputs, coordinates,
 };
 show();
 }

@@ -33,7 +33,7 @@ from closedchain.robots.animation import (
     input_readouts,
 )
 from closedchain.robots.box import Box, boxed
-from closedchain.robots.overlays import PALETTE, Markers, Polyline, Surface
+from closedchain.robots.overlays import PALETTE, Markers, Polyline, PostureSeries, Surface
 from closedchain.urdf.errors import ClosureError
 
 __all__ = [
@@ -43,6 +43,7 @@ __all__ = [
     "Markers",
     "Overlay",
     "Polyline",
+    "PostureSeries",
     "Readout",
     "Served",
     "Surface",
@@ -65,6 +66,7 @@ def static_page(
     title: str | None = None,
     controls: bool = False,
     places: Mapping[str, ArrayLike] | None = None,
+    series: Sequence[PostureSeries] = (),
 ) -> str:
     """Draw a mechanism as one HTML page that needs nothing but a browser.
 
@@ -89,6 +91,8 @@ def static_page(
         page then solves the position problems itself, by the module of ``cc.export_code``.
     places : mapping of str to (nq,) array, optional
         Closed postures that the controls offer to go to, beside the mechanism's named ones.
+    series : sequence of PostureSeries, optional
+        Closed postures that the controls go through.
 
     Raises
     ------
@@ -116,7 +120,7 @@ def static_page(
             unmoved = instrument.immovable(mechanism, q)
             lines, style = [*lines, unmoved] if unmoved else [], instrument.style()
             known = {name: mechanism.configuration(p) for name, p in (places or {}).items()}
-            rest = "" if unmoved else instrument.controls(mechanism, q, scene, known)
+            rest = "" if unmoved else instrument.controls(mechanism, q, scene, known, series)
     else:
         checked_postures(mechanism, animation.q)
         traces = trace_lines(mechanism, animation)
@@ -149,6 +153,7 @@ def serve(
     title: str | None = None,
     controls: bool = False,
     places: Mapping[str, ArrayLike] | None = None,
+    series: Sequence[PostureSeries] = (),
     open_browser: bool = False,
     port: int = 0,
 ) -> Served:
@@ -172,6 +177,7 @@ def serve(
         title=title,
         controls=controls,
         places=places,
+        series=series,
     )
     served = Served(text, port)
     if open_browser:

@@ -10,12 +10,23 @@ import numpy as np
 
 from closedchain._arguments import Up
 from closedchain.analysis.survey.set_tables import polylines
-from closedchain.robots.viewer import Markers, Overlay, Polyline, Surface, boxed, static_page
+from closedchain.robots.viewer import (
+    Markers,
+    Overlay,
+    Polyline,
+    PostureSeries,
+    Surface,
+    boxed,
+    static_page,
+)
 
 if TYPE_CHECKING:
     from closedchain.analysis.singularity.sets.singular_set import SingularitySet
     from closedchain.analysis.survey.surveying import Slice, Survey
     from closedchain.closure import Mechanism
+
+SHOWN = 200
+"""Postures of one set to go through."""
 
 MOST_POSTURES = 20_000
 """Points of one set in the scene: more make the page slow."""
@@ -34,7 +45,22 @@ def survey_page(found: Survey, q: np.ndarray, *, up: Up) -> str:
             overlays.extend(_in_box(found.mechanism, part, q, up))
         elif found.mechanism.task is not None:
             overlays.extend(_at_tip(found.mechanism, part))
-    return static_page(found.mechanism, q, up=up, overlays=overlays)
+    series = [one for part in found.slices for one in _series(found.mechanism, part)]
+    return static_page(found.mechanism, q, up=up, overlays=overlays, controls=True, series=series)
+
+
+def _series(mechanism: Mechanism, part: Slice) -> Iterator[PostureSeries]:
+    """Some postures of each set, as they stand along its pieces, where the tip is."""
+    if mechanism.task is None:
+        return
+    for found in part.sets:
+        order = list(dict.fromkeys(int(i) for piece in found.pieces for i in piece.ravel()))
+        if not order:
+            continue
+        some = np.unique(np.linspace(0, len(order) - 1, min(len(order), SHOWN)).round().astype(int))
+        q = found.q[np.array(order)[some]]
+        points = np.array([mechanism.pose(one).translation for one in q])
+        yield PostureSeries(q, points, f"{found.kind} singularities, {' × '.join(part.over)}")
 
 
 def _in_space(mechanism: Mechanism, part: Slice) -> bool:

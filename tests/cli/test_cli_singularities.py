@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 import sys
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import xarray as xr
 from typer.testing import CliRunner, Result
 
+import closedchain as cc
 from closedchain.cli import app
 
 SMALL = ["--resolution", "3", "--span", "0.02"]
@@ -58,6 +61,12 @@ def test_a_slice_of_the_workspace(folder: Path) -> None:
     assert all(-0.4 <= float(row["x [m]"]) <= -0.2 for row in rows)
     page = (folder / "linear_delta.html").read_text()
     assert "inverse singularities, x × y" in page
+    (told,) = re.findall(r'id="instrument">(.*?)</script>', page, re.S)
+    (series,) = json.loads(told)["series"]
+    m = cc.load("linear_delta")
+    for q, point in zip(series["q"], series["points"], strict=True):
+        assert np.allclose(m.pose(np.array(q)).translation, point)
+        assert cc.classify(m, q).sigma_inverse < 1e-8
 
 
 def test_plot_draws_again(folder: Path, tmp_path: Path) -> None:

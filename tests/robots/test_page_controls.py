@@ -14,7 +14,7 @@ import pytest
 from page_reading import SLIDER, browse, transforms, with_probe
 
 import closedchain as cc
-from closedchain.robots.viewer import Animation, static_page
+from closedchain.robots.viewer import Animation, PostureSeries, static_page
 
 PROBE = """<pre id="told"></pre><script>
 const element = (id) => document.getElementById(id);
@@ -171,6 +171,41 @@ def test_efforts_and_names_are_told_on_demand(delta: cc.Mechanism, tmp_path: Pat
     assert found["after"] is False
     assert {*(c.name for c in delta.closures), "leg1_B"} <= set(found["signs"])
     assert found["driven"] == [f"leg{k}_P (q{k})" for k in (1, 2, 3)]
+
+
+def test_a_series_is_gone_through_by_slider_and_by_click(
+    delta: cc.Mechanism, tmp_path: Path
+) -> None:
+    values = [[-0.2, -0.1, x] for x in (-0.3, -0.2, -0.1)]
+    q = np.array([cc.direct(delta, one).raise_if_failed().q for one in values])
+    tips = np.array([delta.pose(one).translation for one in q])
+    page = static_page(delta, controls=True, series=[PostureSeries(q, tips, "heights <i>")])
+    found = told(
+        page,
+        tmp_path,
+        f"""
+        await set("series-0", 2, "input");
+        told.slid = instrument.posture();
+        const [x, y] = instrument.onScreen({tips[1].tolist()});
+        const canvas = viewer.renderer.domElement;
+        const press = (kind, dx) =>
+          canvas.dispatchEvent(new PointerEvent(kind, {{clientX: x + dx, clientY: y}}));
+        press("pointerdown", 0);
+        press("pointerup", 80);
+        told.dragged = instrument.posture();
+        press("pointerdown", 3);
+        press("pointerup", 3);
+        told.clicked = instrument.posture();
+        told.slider = element("series-0").valueAsNumber;
+        told.label = document.querySelector(".series label").textContent;
+        """,
+    )
+    assert found["slid"] == found["dragged"] == q[2].tolist()
+    assert found["clicked"] == q[1].tolist()
+    assert found["slider"] == 1
+    assert found["label"] == "heights <i>"
+    with pytest.raises(cc.ClosureError, match="one posture for each of 3 points"):
+        PostureSeries(q[:2], tips, "too few")
 
 
 def test_limits_are_told(tmp_path: Path) -> None:
