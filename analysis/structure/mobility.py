@@ -4,9 +4,13 @@ from __future__ import annotations
 
 import textwrap
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
+
+from numpy.typing import ArrayLike
 
 from closedchain.analysis.structure.driving import driving
+from closedchain.analysis.structure.finite import finite_dimensions
 from closedchain.analysis.structure.hinges import pairs_of_tree, symbol_of
 from closedchain.closure.closures import Coupling
 from closedchain.closure.generic import GenericRank, generic_ranks, sampled_rank
@@ -57,6 +61,21 @@ class Mobility:
     undriven: int | None
     idle: int | None
     text: str
+    mechanism: Mechanism = field(repr=False, compare=False)
+
+    @cached_property
+    def finite(self) -> int:
+        """Dimension of the set of postures around home, the largest of its branches.
+
+        Idle freedoms count. It differs from ``mobility`` where closures hold to the first order in
+        directions in which nothing moves. Measured when it is first asked for, which takes a
+        moment.
+        """
+        return self.finite_at(self.mechanism.home)[0]
+
+    def finite_at(self, q: ArrayLike) -> tuple[int, ...]:
+        """Dimensions of the branches of postures around a closed one (nq,), the largest first."""
+        return finite_dimensions(self.mechanism, self.mechanism.configuration(q))
 
 
 def mobility(mechanism: Mechanism) -> Mobility:
@@ -91,6 +110,7 @@ def mobility(mechanism: Mechanism) -> Mobility:
         undriven=None if driven is None else driven.undriven,
         idle=None if driven is None else driven.idle,
         text=_text(mechanism, counts, bodies, freedoms, gruebler, generic),
+        mechanism=mechanism,
     )
 
 

@@ -1,0 +1,67 @@
+"""The set of postures may have fewer dimensions than its tangent spaces: Wren and others."""
+
+from __future__ import annotations
+
+import math
+
+import linkages
+import numpy as np
+import pytest
+from linkages import Cut, J
+
+import closedchain as cc
+
+
+@pytest.fixture(scope="module")
+def wren() -> cc.Mechanism:
+    """Two regular hexagons of radius 1, six equal rods of 2 between their corners."""
+    corners = [(math.cos(k * math.pi / 3), math.sin(k * math.pi / 3), 0.0) for k in range(6)]
+    texts = [" ".join(map(repr, corner)) for corner in corners]
+    return linkages.load(
+        "wren",
+        [J("pose", "base", "platform", type="floating")],
+        [
+            Cut(f"rod{k}", "base", "platform", text, text, "distance", length=2.0)
+            for k, text in enumerate(texts)
+        ],
+        home={"pose": "0 0 2 0 0 0 1"},
+        tip="platform",
+    )
+
+
+def test_wren_moves_in_two_ways_and_in_one(wren: cc.Mechanism) -> None:
+    """Rank says three everywhere: two for translations on a sphere, one for a screw-like motion."""
+    found = cc.mobility(wren)
+    assert found.mobility == 3
+    assert found.finite == 2
+    assert found.finite_at(wren.home) == (2, 1)
+    aside = np.array(wren.home)
+    aside[:3] = 2.0 * np.array([0.3, 0.2, math.sqrt(1.0 - 0.13)])
+    turned, angle = np.array(wren.home), 0.8
+    turned[2] = math.sqrt(4.0 - 4.0 * math.sin(angle / 2.0) ** 2)
+    turned[5:7] = math.sin(angle / 2.0), math.cos(angle / 2.0)
+    for q, dimensions in ((aside, (2,)), (turned, (1,))):
+        assert np.abs(wren.workspace.residual(q)).max() < 1e-12
+        assert found.finite_at(q) == dimensions
+
+
+@pytest.mark.parametrize("robot", cc.robots())
+def test_robots_move_as_their_rank_says(robot: str) -> None:
+    found = cc.mobility(cc.load(robot))
+    assert found.finite == found.mobility
+
+
+def test_where_branches_part_each_has_its_own() -> None:
+    """A parallelogram that lies flat: rank promises two, parallelogram and antiparallelogram."""
+    m = linkages.load(
+        "flat_parallelogram",
+        [
+            J("A", "base", "crank"),
+            J("B", "crank", "bar", "0.1 0 0"),
+            J("D", "base", "rocker", "0.4 0 0"),
+        ],
+        [Cut("C", "bar", "rocker", "0.4 0 0", "0.1 0 0")],
+        inputs={"q1": "A"},
+        tip="bar",
+    )
+    assert cc.mobility(m).finite_at(m.home) == (1,)
