@@ -22,6 +22,7 @@ from closedchain.urdf.errors import ClosedChainError, ClosureError, DescriptionE
 
 if TYPE_CHECKING:
     from closedchain.analysis.acceleration import Acceleration, acceleration
+    from closedchain.analysis.forces.forward_dynamics import ForwardDynamics, forward_dynamics
     from closedchain.analysis.forces.input_dynamics import (
         InputDynamics,
         input_dynamics,
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
     from closedchain.analysis.forces.inverse_dynamics import InverseDynamics, inverse_dynamics
     from closedchain.analysis.forces.motor_map import Transmission
     from closedchain.analysis.forces.resets import Resets, resets
+    from closedchain.analysis.forces.simulate import Simulation, simulate
     from closedchain.analysis.forces.statics import Statics, statics
     from closedchain.analysis.forces.transmission import transmission
     from closedchain.analysis.forces.transmission_table import transmission_table
@@ -85,6 +87,8 @@ _LATER = {
     "analysis.forces.transmission": "transmission",
     "analysis.forces.transmission_table": "transmission_table",
     "analysis.forces.resets": "Resets resets",
+    "analysis.forces.forward_dynamics": "ForwardDynamics forward_dynamics",
+    "analysis.forces.simulate": "Simulation simulate",
     "analysis.forces.statics": "Statics statics",
     "analysis.screws.accelerators": "Accelerators accelerators",
     "analysis.structure.dependence": "Dependence dependence",
@@ -136,6 +140,7 @@ __all__ = [
     "Dependence",
     "DescriptionError",
     "Follow",
+    "ForwardDynamics",
     "Hessian",
     "InputDynamics",
     "InverseDynamics",
@@ -150,6 +155,7 @@ __all__ = [
     "Relaxation",
     "Resets",
     "SelfMotion",
+    "Simulation",
     "SingularitySet",
     "Solution",
     "Solutions",
@@ -174,6 +180,7 @@ __all__ = [
     "export",
     "export_code",
     "follow",
+    "forward_dynamics",
     "hessian",
     "input_dynamics",
     "inverse",
@@ -195,6 +202,7 @@ __all__ = [
     "residual",
     "robots",
     "self_motion",
+    "simulate",
     "singularity_map",
     "singularity_set",
     "statics",
