@@ -39,6 +39,10 @@ NEAR = 1e-5
 UNFOUND = 1e-8
 """Share below which one is zero where Newton's method finds no singular posture to measure to."""
 
+FARTHEST = 1e-2  # share that the accuracy of a posture may raise ``NEAR`` to
+MOST = 64
+"""Equations of a loss of ranks beyond which it is not sought, but decided by ``UNFOUND``."""
+
 SAME = 1e-9  # of one: squared cosine of motions that are one
 
 
@@ -55,6 +59,20 @@ class Decision:
 
     rank: Rank
     nearest: Nearest
+
+
+@dataclass(frozen=True, eq=False)
+class Spectrum:
+    """The first ``count`` singular values, falling, 0 where they are missing, and their scale."""
+
+    values: np.ndarray
+    scale: float
+    count: int
+
+    def below(self, share: float) -> int:
+        """How many are below a share of the scale."""
+        there = self.values[: self.count]
+        return self.count - int((there > share * self.scale).sum())
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +105,7 @@ class Deciding:
     def closures(self) -> Decision:
         """Rank of K."""
         s, r = self.factors.s, generic_rank(self.at.mechanism)
-        rank, nearest = self._kept("constraint", s / max(1.0, s.max(initial=0.0)), r, r)
+        rank, nearest = self._kept("constraint", Spectrum(s, max(1.0, s.max(initial=0.0)), r), r)
         return Decision(_cut(s, rank), nearest)
 
     @cached_property
@@ -101,17 +119,18 @@ class Deciding:
         v, g = self.motions, self.generic
         idle = g.motions - g.inputs.value
         generic = self.at.mechanism.passive_v.size - idle
-        rank, nearest = self._kept("direct", self._inputs.s, v.size - idle, generic)
+        rank, nearest = self._kept("direct", Spectrum(self._inputs.s, 1.0, v.size - idle), generic)
         return Decision(_cut(self._inputs.s, rank), nearest)
 
     @cached_property
     def outputs(self) -> Decision:
         """Rank of T."""
         s, d = self._outputs.s, self.generic.outputs.value
-        values = s / max(self.generic.output_scale, s.max(initial=0.0))
+        scale = max(self.generic.output_scale, s.max(initial=0.0))
         # motions that only a constraint singularity has may produce outputs beyond the generic ones
-        more = int((values[d:] > NEAR).sum()) if self.lost else 0
-        rank, nearest = self._kept("inverse", values, d, generic_rank(self.at.mechanism) + d)
+        more = int((s[d:] > NEAR * scale).sum()) if self.lost else 0
+        generic = generic_rank(self.at.mechanism) + d
+        rank, nearest = self._kept("inverse", Spectrum(s, scale, d), generic)
         return Decision(_cut(s, rank + more), nearest)
 
     @cached_property
@@ -180,23 +199,24 @@ class Deciding:
         least = float(s[counted - 1]) if counted else 1.0
         return Place(at.mechanism, at.q, residual, least, lost or 0)
 
-    def _kept(self, kind: str, values: np.ndarray, count: int, generic: int) -> tuple[int, Nearest]:
-        """How many of ``count`` singular values are not zero, and the nearest singular posture.
+    def _kept(self, kind: str, spectrum: Spectrum, generic: int) -> tuple[int, Nearest]:
+        """How many singular values are not zero, and the nearest singular posture.
 
-        Values fall, are shares of their scale, and are zero where they are missing. ``generic`` is
-        the rank of the kind's matrix at a generic posture.
+        ``generic`` is the rank of the kind's matrix at a generic posture.
         """
-        place = self.place(None if kind == "constraint" else self.lost)
+        place, count = self.place(None if kind == "constraint" else self.lost), spectrum.count
         before = place.lost if kind == "inverse" else 0  # by K, with [K; J]
-        there = np.zeros(count)
-        there[: values.size] = values[:count]
-        small, unfound, zero = (
-            int((there <= share).sum()) for share in (max(NEAR, place.accuracy), UNFOUND, ROUNDING)
-        )
+        rounding = ROUNDING * max(1.0, self.at.K.shape[1] / 10.0) / min(max(place.least, 0.1), 1.0)
+        small = spectrum.below(max(NEAR, min(place.accuracy, FARTHEST)))
+        unfound, zero = spectrum.below(UNFOUND), spectrum.below(rounding / min(spectrum.scale, 1.0))
         nearest = Nearest(0.0 if zero else np.inf, place.accuracy)
-        measure = Measure(self.at.mechanism, kind, self.at.outputs if kind == "inverse" else ())
+        measure = Measure(self.at.mechanism, kind, self.at.outputs)
+        short = min(measure.shape) - generic
         for lost in range(small, zero, -1):
-            found = nearest_singular(place, measure, generic, before + lost)
+            if measure.losing(short + before + lost).codimension > MOST:
+                found = Nearest(np.inf, place.accuracy)
+            else:
+                found = nearest_singular(place, measure, generic, before + lost)
             if found.here or (lost <= unfound and not np.isfinite(found.distance)):
                 return count - lost, found
             nearest = nearest if zero else found
