@@ -122,8 +122,8 @@ def leg_forms(
                 driven[name] = screws[name]
             else:
                 passive.append(physical[name])
-    driving = _driving(ring, passive, driven, point, scale)
     constraints = reciprocal(ring, [*passive, *driven.values()], point, scale)
+    driving = _apart(ring, _driving(ring, passive, driven, point, scale), driven, constraints)
     return LegForms(
         chain=chain,
         ring=ring,
@@ -282,6 +282,45 @@ def _sharpest(ring: Ring, able: list[tuple[Vector, Element]]) -> Vector:
         for i in range(6)
     ]
     return unit(ring, primitive(ring, mixed)[1])
+
+
+def _apart(
+    ring: Ring,
+    driving: tuple[Driving, ...],
+    driven: Mapping[str, Vector],
+    constraints: list[Vector],
+) -> tuple[Driving, ...]:
+    """The same wrenches, never turning into one of the leg's constraints.
+
+    A wrench is as good with any multiple of a constraint added, which does no work on any joint.
+    With the right multiple all its entries may have a factor in common, where it was nothing but
+    a constraint; without that factor the lever does not vanish there, as nothing does.
+    """
+    found = []
+    for one in driving:
+        best = one.wrench
+        for constraint in constraints:
+            for i in (i for i in range(6) if constraint[i]):
+                mixed = [
+                    ring.mul(constraint[i], a) - ring.mul(best[i], b)
+                    for a, b in zip(best, constraint, strict=True)
+                ]
+                if not any(mixed):
+                    continue
+                trial = unit(ring, primitive(ring, mixed)[1])
+                if _degree(ring, trial, one, driven) < _degree(ring, best, one, driven):
+                    best = trial
+        levers = {name: pairing(ring, best, driven[name]) for name in one.levers}
+        found.append(Driving(best, levers))
+    return tuple(found)
+
+
+def _degree(
+    ring: Ring, wrench: Vector, one: Driving, driven: Mapping[str, Vector]
+) -> tuple[int, int]:
+    """Degree and terms of a wrench's levers."""
+    levers = [pairing(ring, wrench, driven[name]) for name in one.levers]
+    return max(sum(mono) for x in levers for mono in x), sum(map(len, levers))
 
 
 def unit(ring: Ring, wrench: Vector) -> Vector:
