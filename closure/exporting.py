@@ -36,7 +36,8 @@ def export(
     Raises
     ------
     DescriptionError
-        Unknown format, or something in the mechanism that it cannot be given.
+        Unknown format, something in the mechanism that it cannot be given, or a URDF that is there
+        already where one is to be written beside.
     ClosureError
         Home is open.
     """
@@ -47,6 +48,13 @@ def export(
     written = WRITERS[form](description)
     if out is not None:
         path = Path(out)
+        for name in written.beside:
+            other = path.with_suffix(Path(name).suffix)
+            if other.exists():  # it may be the file that the robot was loaded from
+                raise DescriptionError(
+                    f"{str(other)!r}, which is to be written beside {path.name!r}, is there "
+                    "already: choose another name or folder"
+                )
         path.write_text(written.text, encoding="utf-8")
         for name, text in written.beside.items():
             path.with_suffix(Path(name).suffix).write_text(text, encoding="utf-8")

@@ -19,9 +19,11 @@ BODY = '<geom size=".02" contype="0" conaffinity="0"/>'
 RODS = f"""
   <body name="crank"><joint name="A" ref="30"/>{BODY}
     <body name="rod" pos=".15 0 0" euler="0 0 -20"><joint name="B" pos=".01 .02 0"/>{BODY}
-      <site name="rod_end" pos=".35 0 0" euler="0 0 10"/></body></body>
+      <site name="rod_end" pos=".35 0 0" euler="0 0 10"/><site name="rod_up" pos=".35 0 .1"/>
+    </body></body>
   <body name="rocker" pos=".4 0 0" euler="0 0 100"><joint name="D"/>{BODY}
-    <site name="rocker_end" pos=".3 0 0"/><site name="rocker_side" pos="-.02 .05 0"/></body>"""
+    <site name="rocker_end" pos=".3 0 0"/><site name="rocker_side" pos="-.02 .05 0"/>
+    <site name="rocker_up" pos=".3 0 .1"/></body>"""
 
 
 def model(world: str, rest: str = "", compiler: str = "") -> str:
@@ -39,6 +41,9 @@ LOOPS = {
     "two connects": (
         '<connect name="P" body1="rod" body2="rocker" anchor=".35 0 0"/>'
         '<connect body1="rod" body2="rocker" anchor=".35 0 .1"/>', "revolute", 1),
+    "two connects, turned": (
+        '<connect name="P" site1="rod_end" site2="rocker_end"/>'
+        '<connect site1="rocker_up" site2="rod_up"/>', "revolute", 1),
     "three connects": (
         '<connect name="P" body1="rod" body2="rocker" anchor=".35 0 0"/>'
         '<connect body1="rod" body2="rocker" anchor=".35 0 .1"/>'
@@ -155,7 +160,8 @@ def test_keyframes_are_postures_and_home() -> None:
 
 
 def test_actuators_are_inputs() -> None:
-    actuators = """<tendon><fixed name="t"><joint joint="b" coef="1"/></fixed></tendon><actuator>
+    actuators = """<tendon><fixed name="t"><joint joint="b" coef="1"/><joint joint="a" coef="1"/>
+      </fixed></tendon><actuator>
       <motor joint="b"/><position name="p" joint="a"/><velocity name="v" joint="a"/>
       <motor name="pull" tendon="t"/></actuator>"""
     m = cc.load_file(model(PAIR, actuators))
@@ -164,6 +170,16 @@ def test_actuators_are_inputs() -> None:
     assert "'v'> is not taken as an input" in text
     assert "the actuator 'pull' acts on a tendon" in text
     assert "1 tendons were not read: 't'" in text
+
+
+def test_an_actuator_of_a_tendon_moves_the_joint_that_the_others_follow() -> None:
+    """As in a gripper whose two fingers are tied and driven by their sum."""
+    split = """<tendon><fixed name="split"><joint joint="a" coef=".5"/><joint joint="b" coef=".5"/>
+      </fixed></tendon><equality><joint joint1="b" joint2="a" polycoef="0 1 0 0 0"/></equality>
+      <actuator><general name="fingers" tendon="split"/></actuator>"""
+    m = cc.load_file(model(PAIR, split))
+    assert [(i.name, i.joint) for i in m.description.inputs] == [("fingers", "a")]
+    assert any("over joints that follow 'a'" in note for note in m.notes)
 
 
 def test_what_mujoco_computes_with_is_noted() -> None:

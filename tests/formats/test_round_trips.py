@@ -240,6 +240,14 @@ def test_unknown_formats_and_open_homes_are_refused() -> None:
         cc.export(cc.load("d1"), "usd")
 
 
+def test_a_urdf_that_is_there_is_not_written_over(tmp_path: Path) -> None:
+    (tmp_path / "robot.urdf").write_text("mine")
+    with pytest.raises(DescriptionError, match="is there already"):
+        cc.export(cc.load("linear_delta"), "robot.yaml", tmp_path / "robot.yaml")
+    assert (tmp_path / "robot.urdf").read_text() == "mine"
+    assert not (tmp_path / "robot.yaml").exists()
+
+
 def test_postures_that_do_not_close_are_a_loss() -> None:
     m = cc.load_urdf(
         cc.export(cc.load("linear_delta"), "urdf")[0].replace(

@@ -18,6 +18,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+import numpy as np
 from lxml import etree
 
 from closedchain.urdf import elements
@@ -30,7 +31,7 @@ from closedchain.urdf.formats.substitution import (
     replace_by,
 )
 from closedchain.urdf.formats.tree_at_zero import zero_pose
-from closedchain.urdf.poses import direction, inverse, origin_of, pose_of
+from closedchain.urdf.poses import inverse, origin_of, pose_of, vector
 
 if TYPE_CHECKING:
     from lxml.etree import _Element as Element
@@ -84,8 +85,9 @@ def _closure(root: Element, joint: Element) -> LoopClosure:
     place = zero_pose(root, child, joint) @ in_child
     in_parent = inverse(zero_pose(root, parent, joint)) @ place
     z = (0.0, 0.0, 1.0)
-    first = z if kind in ("spherical", "fixed") else _axis(joint, "axis")
-    second = _axis(joint, "axis2") if kind == "universal" else first
+    rotation = place[:3, :3]
+    first = z if kind in ("spherical", "fixed") else _axis(joint, "axis", rotation)
+    second = _axis(joint, "axis2", rotation) if kind == "universal" else first
     return LoopClosure(
         name=fresh_name(root, joint.get("name") or "gazebo_joint"),
         type=kind,
@@ -94,7 +96,7 @@ def _closure(root: Element, joint: Element) -> LoopClosure:
         parent_origin=origin_of(in_parent),
         child_origin=origin_of(in_child),
         parent_axis=first,
-        child_axis=direction(pose_of(Origin()), second),
+        child_axis=second,
         line=joint.sourceline,
     )
 
@@ -129,7 +131,8 @@ def _pose(joint: Element) -> Origin:
     return Origin((x, y, z), (roll, pitch, yaw))
 
 
-def _axis(joint: Element, tag: str) -> Vector3:
+def _axis(joint: Element, tag: str, rotation: np.ndarray) -> Vector3:
+    """Axis in the joint's frame, whose rotation (3, 3) in the model is given."""
     axis = _child(joint, tag)
     xyz = None if axis is None else _child(axis, "xyz")
     if xyz is None:
@@ -138,4 +141,8 @@ def _axis(joint: Element, tag: str) -> Vector3:
     length = math.hypot(x, y, z)
     if not 1e-12 < length < math.inf:
         raise elements.error(joint, f"<{tag}>: {xyz.text!r} is no direction")
-    return x / length, y / length, z / length
+    unit = np.array([x, y, z]) / length
+    in_model = None if axis is None else _child(axis, "use_parent_model_frame")
+    if in_model is not None and (in_model.text or "").strip() in ("1", "true"):
+        unit = rotation.T @ unit
+    return vector(unit)

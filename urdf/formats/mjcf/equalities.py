@@ -65,7 +65,9 @@ def equalities_of(compiled: Compiled, tree: Tree) -> Equalities:
             found.notes.append(f"the equality {name!r} of type {word} was not read")
     groups: dict[tuple[str, str], list[_Point]] = {}
     for point in points:
-        groups.setdefault(point.links, []).append(point)
+        turned = point.links[::-1] in groups and point.links not in groups
+        one = _Point(point.name, point.links[::-1], point.second, point.first) if turned else point
+        groups.setdefault(one.links, []).append(one)
     for group in groups.values():
         found.closures += _shared(group, found.notes)
     return found

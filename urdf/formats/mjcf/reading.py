@@ -38,7 +38,7 @@ def read(text: str, file: str | None = None) -> Description:
     held = equalities.held
     notes = [*compiled.notes, *tree.notes, *equalities.notes]
     notes += [f"the joint {name!r} is held at {held[name]:g}: it is fixed" for name in held]
-    inputs = _inputs(compiled, tree, notes)
+    inputs = _inputs(compiled, tree, equalities, notes)
     home, states = _postures(compiled, tree, set(held))
     notes += _read_over(compiled, equalities)
     shapes = shapes_of_model(compiled, tree.bodies, notes)
@@ -59,7 +59,9 @@ def read(text: str, file: str | None = None) -> Description:
     return checked(description, shapes)
 
 
-def _inputs(compiled: Compiled, tree: Tree, notes: list[str]) -> list[Input]:
+def _inputs(
+    compiled: Compiled, tree: Tree, equalities: Equalities, notes: list[str]
+) -> list[Input]:
     """One input for each joint with an actuator, called as the actuator is."""
     model, kinds = compiled.model, compiled.mujoco.mjtTrn
     one = (compiled.mujoco.mjtJoint.mjJNT_HINGE, compiled.mujoco.mjtJoint.mjJNT_SLIDE)
@@ -69,24 +71,44 @@ def _inputs(compiled: Compiled, tree: Tree, notes: list[str]) -> list[Input]:
         name = compiled.name("actuator", index)
         kind = int(model.actuator_trntype[index])
         joint = int(model.actuator_trnid[index][0])
-        on_joint = kind in (kinds.mjTRN_JOINT, kinds.mjTRN_JOINTINPARENT)
-        if not on_joint or int(model.jnt_type[joint]) not in one:
+        if kind == kinds.mjTRN_TENDON:
+            joint = _behind_tendon(compiled, tree, equalities, joint)
+        on_joint = kind in (kinds.mjTRN_JOINT, kinds.mjTRN_JOINTINPARENT, kinds.mjTRN_TENDON)
+        if not on_joint or joint < 0 or int(model.jnt_type[joint]) not in one:
             word = kinds(kind).name.removeprefix("mjTRN_").lower()
-            what = "a ball or a free joint" if on_joint else f"a {word}"
+            what = "a ball or a free joint" if word.startswith("joint") else f"a {word}"
             notes.append(
                 f"the actuator {name or index!r} acts on {what}: it is not taken as an input"
             )
             continue
-        wanted = name or tree.joint_names[joint]
-        fresh, k = wanted, 2
+        fresh, k = name or tree.joint_names[joint], 2
         while fresh in names:
-            fresh, k = f"{wanted}_{k}", k + 1
+            fresh, k = f"{name or tree.joint_names[joint]}_{k}", k + 1
         names.add(fresh)
         gear = float(model.actuator_gear[index][0])
-        if gear == 0.0:
+        if kind == kinds.mjTRN_TENDON:
+            notes.append(
+                f"the actuator {fresh!r} acts on a tendon over joints that follow "
+                f"{tree.joint_names[joint]!r}: it was taken as the input of this one"
+            )
+            gear = 1.0
+        elif gear == 0.0:
             notes.append(f"the actuator {fresh!r} has a gear of zero: it was taken as 1")
         found.append(Input(fresh, tree.joint_names[joint], reduction=gear or 1.0))
     return found
+
+
+def _behind_tendon(compiled: Compiled, tree: Tree, equalities: Equalities, tendon: int) -> int:
+    """Joint that a tendon moves: its only one, or the one that its others follow; else -1."""
+    model = compiled.model
+    start, count = int(model.tendon_adr[tendon]), int(model.tendon_num[tendon])
+    wraps = range(start, start + count)
+    if any(int(model.wrap_type[w]) != compiled.mujoco.mjtWrap.mjWRAP_JOINT for w in wraps):
+        return -1
+    joints = [int(model.wrap_objid[w]) for w in wraps]
+    follows = {coupling.joint: coupling.leader for coupling in equalities.couplings}
+    leaders = {follows.get(tree.joint_names[j], tree.joint_names[j]) for j in joints}
+    return tree.joint_names.index(leaders.pop()) if len(leaders) == 1 else -1
 
 
 def _postures(
