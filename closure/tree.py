@@ -55,7 +55,7 @@ def build_tree(description: Description) -> Tree:
         frame = model.addBodyFrame(link, joint_id, placement, previous_frame)
         inertial = links[link].inertial
         if inertial is not None and joint_id > 0:
-            model.appendBodyToJoint(joint_id, _inertia(links[link], inertial), placement)
+            model.appendBodyToJoint(joint_id, inertia_of(links[link], inertial), placement)
         pending.extend((joint, int(frame)) for joint in reversed(children.get(link, [])))
 
     pending: list[tuple[Joint, int]] = []
@@ -102,7 +102,8 @@ def _add_joint(model: pin.Model, joint: Joint, parent: int, placement: pin.SE3) 
     )
 
 
-def _inertia(link: Link, inertial: Inertial) -> pin.Inertia:
+def inertia_of(link: Link, inertial: Inertial) -> pin.Inertia:
+    """Inertia of a link in its frame. Raises ``DescriptionError`` where it is none of a body."""
     about_centre = np.array(
         [
             [inertial.ixx, inertial.ixy, inertial.ixz],

@@ -175,13 +175,14 @@ def link_element(link: Link, shapes: Iterable[Shape] = ()) -> Element:
     """``<link>`` with its inertia and shapes."""
     element = etree.Element("link", name=link.name)
     if link.inertial is not None:
-        element.append(_inertial(link.inertial))
+        element.append(inertial_element(link.inertial))
     for shape in shapes:
         element.append(visual_element(shape))
     return element
 
 
-def _inertial(inertial: Inertial) -> Element:
+def inertial_element(inertial: Inertial) -> Element:
+    """``<inertial>`` of a link."""
     element = etree.Element("inertial")
     if inertial.origin != Origin():
         element.append(elements.origin_element(inertial.origin))

@@ -69,6 +69,7 @@ if TYPE_CHECKING:
     from closedchain.closure.modes.all_postures import postures
     from closedchain.closure.modes.result import Postures
     from closedchain.closure.position import direct, inverse
+    from closedchain.closure.solids import with_inertias
 
 __version__ = "0.1.0"
 
@@ -77,6 +78,7 @@ _LATER = {
     "closure.exporting": "export",
     "closure.code.exporting": "export_code",
     "closure.position": "direct inverse",
+    "closure.solids": "with_inertias",
     "closure.modes.all_postures": "postures",
     "closure.modes.result": "Postures",
     "analysis.motion.track.stops": "Stop",
@@ -213,4 +215,5 @@ __all__ = [
     "transmission",
     "transmission_table",
     "velocity",
+    "with_inertias",
 ]
