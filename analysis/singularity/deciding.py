@@ -37,7 +37,8 @@ NEAR = 1e-5
 """Share of its scale above which a singular value counts without a distance."""
 
 UNFOUND = 1e-8
-"""Share below which one is zero where Newton's method finds no singular posture to measure to."""
+"""Share below which one is zero where no distance can be had: where Newton's method finds no
+singular posture, too many ranks are lost, or K nearly loses one and closed motions are blurred."""
 
 FARTHEST = 1e-2  # share that the accuracy of a posture may raise ``NEAR`` to
 MOST = 64
@@ -212,12 +213,16 @@ class Deciding:
         nearest = Nearest(0.0 if zero else np.inf, place.accuracy)
         measure = Measure(self.at.mechanism, kind, self.at.outputs)
         short = min(measure.shape) - generic
+        # where K nearly loses a rank, its null space turns within the accuracy of the posture
+        blurred = kind != "constraint" and place.least < NEAR
         for lost in range(small, zero, -1):
-            if measure.losing(short + before + lost).codimension > MOST:
+            if blurred or measure.losing(short + before + lost).codimension > MOST:
                 found = Nearest(np.inf, place.accuracy)
             else:
                 found = nearest_singular(place, measure, generic, before + lost)
-            if found.here or (lost <= unfound and not np.isfinite(found.distance)):
+            if lost <= unfound and not np.isfinite(found.distance):
+                found = Nearest(0.0, place.accuracy)
+            if found.here:
                 return count - lost, found
             nearest = nearest if zero else found
         return count - zero, nearest

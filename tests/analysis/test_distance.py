@@ -219,6 +219,49 @@ def test_measures_of_maps_are_those_of_classify(name: str) -> None:
             assert found[f"sigma_{kind}"][i] == pytest.approx(value, rel=1e-7, abs=1e-12), (i, kind)
 
 
+def ladder(stages: int) -> cc.Mechanism:
+    """Parallelograms on top of each other, each driven at a crank."""
+    joints, cuts, below = [], [], "base"
+    for i in range(stages):
+        at = "0.3 0 0" if i else "0 0 0"
+        joints += [
+            linkages.J(f"A{i}", below, f"crank{i}", at),
+            linkages.J(f"B{i}", f"crank{i}", f"bar{i}", "0.1 0 0"),
+            linkages.J(f"D{i}", below, f"rocker{i}", "0.3 0.4 0" if i else "0 0.4 0"),
+        ]
+        cuts.append(linkages.Cut(f"C{i}", f"bar{i}", f"rocker{i}", "0 0.4 0", "0.1 0 0"))
+        below = f"bar{i}"
+    home = {j.name: -0.3 if j.name[0] == "B" else 0.3 for j in joints}
+    inputs = {f"q{i}": f"A{i}" for i in range(stages)}
+    return linkages.load(
+        "ladder", joints, cuts, inputs=inputs, home=home, tip=below, outputs="x y rz"
+    )
+
+
+def test_many_ranks_lost_at_once() -> None:
+    """All stages flat: each may branch. Off by an angle, the nearest one decides: four joints."""
+    stages = 5
+    m = ladder(stages)
+
+    def turned(off: float) -> np.ndarray:
+        q = np.array(m.home)
+        for i in range(stages):
+            turn = np.pi / 2 + off * (1 + i)
+            for name, value in ((f"A{i}", turn), (f"B{i}", -turn), (f"D{i}", turn)):
+                q[m.model.joints[m.model.getJointId(name)].idx_q] = value
+        return q
+
+    r = cc.classify(m, m.home).ranks["constraint"].value
+    for off in (0.0, 1e-12, 1e-10):
+        c = cc.classify(m, turned(off))
+        assert c.kinds == {"constraint", "direct"}
+        assert c.ranks["constraint"].value == r - stages
+    for off in (1e-6, 1e-5):
+        c = cc.classify(m, turned(off))
+        assert c.kinds == frozenset()
+        assert c.distance == pytest.approx(2.0 * off, rel=1e-3)
+
+
 def test_a_tolerance_asks_for_the_share_instead(d1: cc.Mechanism) -> None:
     q = tilted(d1, 0.0085)
     c = cc.classify(d1, q, tolerance=1e-8)
