@@ -71,13 +71,14 @@ def direct(
     if _fine(found):
         return _solution(problem, found)
     system = System(mechanism, mechanism.passive_v)
+    kept_alone = found.code == ARRIVED  # the kept rows closed, others did not
     found, start = _again(problem, system, start, end, found)
     if _good(found):
         return _solution(problem, found)
     if found.reached < 0.0:
         held = _pinned(mechanism, start, end)
         return not_closed(system, held, "the guess has no branch: it is singular or open", 0)
-    if found.code == ARRIVED:
+    if found.code == ARRIVED or (kept_alone and _tied(mechanism, start)[1]):
         why = _contradiction(mechanism, start, end)
         return not_closed(system, _pinned(mechanism, found.q, end), why, found.evaluations)
     here = found.q[mechanism.input_q]
@@ -263,14 +264,9 @@ def _contradiction(mechanism: Mechanism, start: np.ndarray, end: np.ndarray) -> 
 
     The kept rows have a solution on the way from ``start``, the others do not vanish there.
     """
-    motions, _ = null_space(dimensionless_jacobian(mechanism, start))
-    free: list[int] = []
-    for i, v in enumerate(mechanism.input_v):
-        if numerical_rank(motions[[*mechanism.input_v[free], v]]).value > len(free):
-            free.append(i)
+    free, tied = _tied(mechanism, start)
     problem = problem_of(mechanism, [int(v) for v in mechanism.input_v[free]])
     found = follower_of(problem).alone(start, start[problem.pinned_q], end[free])
-    tied = [i for i in range(end.size) if i not in free]
     if not _good(found) or not tied:
         return "the inputs contradict the loops"
     needed = found.q[mechanism.input_q]
@@ -280,6 +276,16 @@ def _contradiction(mechanism: Mechanism, start: np.ndarray, end: np.ndarray) -> 
         return f"the loops hold the inputs still: {wanted}"
     given = ", ".join(f"{names[i]}={end[i]:.6g}" for i in free)
     return f"the inputs contradict each other: {wanted} with {given} as given"
+
+
+def _tied(mechanism: Mechanism, q: np.ndarray) -> tuple[list[int], list[int]]:
+    """Inputs that move independently at ``q`` (nq,), the first ones, and those that follow them."""
+    motions, _ = null_space(dimensionless_jacobian(mechanism, q))
+    free: list[int] = []
+    for i, v in enumerate(mechanism.input_v):
+        if numerical_rank(motions[[*mechanism.input_v[free], v]]).value > len(free):
+            free.append(i)
+    return free, [i for i in range(len(mechanism.inputs)) if i not in free]
 
 
 def _side(problem: Problem, det: float) -> int | None:
