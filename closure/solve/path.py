@@ -40,7 +40,7 @@ from closedchain.closure.tape.elimination import (
 )
 from closedchain.closure.tape.expression import Expr, Graph, Tape
 from closedchain.closure.tape.machine import Compiled, Looped, compiled, looped
-from closedchain.closure.tape.rows import Entries, Kinematics, Rows, kinematics
+from closedchain.closure.tape.rows import Entries, Rows, kinematics
 from closedchain.closure.tape.vectors import quaternion
 from closedchain.closure.tape.verified import agree, verify
 
@@ -164,7 +164,7 @@ class Follower:
         for index, value in zip(problem.pinned_q, target, strict=False):
             q[int(index)] = value
         g = lane.graph
-        k = Kinematics(problem.mechanism, g, q)
+        k = problem.kinematics(g, q)
         rows = problem.rows(k, target)
         lu = problem.elimination(g, rows, self._sampled())
         step = lu.shortest([-rows.values[r] for r in problem.kept])
@@ -193,8 +193,7 @@ class Follower:
         """What a judgement looks at, as expressions."""
         problem, lane = self.problem, Lane.of(self)
         before, now = (
-            problem.rows_met(Kinematics(problem.mechanism, lane.graph, list(q)))
-            for q in (lane.good, lane.trial)
+            problem.rows_met(problem.kinematics(lane.graph, q)) for q in (lane.good, lane.trial)
         )
         lu = problem.elimination(lane.graph, now, self._sampled())
         kept = problem.kept

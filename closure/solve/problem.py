@@ -94,6 +94,23 @@ class Problem:
             rows = rows + k.goal(frame, outputs, pose)
         return rows
 
+    def kinematics(self, graph: Graph, q: Sequence[Expr]) -> Kinematics:
+        """Expressions of the mechanism in which the kept rows are what they were chosen as."""
+        return Kinematics(self.mechanism, graph, list(q), self.upright)
+
+    @cached_property
+    def upright(self) -> frozenset[str]:
+        """Closures of which all rows that hold a point are kept: any axes suit these.
+
+        Single ones of them are independent along the axes in which they were chosen.
+        """
+        kept, first, found = set(self.kept), 0, []
+        for closure in self.mechanism.closures:
+            if isinstance(closure, Closure) and set(range(first, first + 3)) <= kept:
+                found.append(closure.name)
+            first += closure.rows
+        return frozenset(found)
+
     def rows_met(self, k: Kinematics) -> Rows:
         """All rows where the goals are met as they are: what the Jacobian is on the way."""
         rows = k.closures
@@ -137,11 +154,7 @@ class Problem:
             return ()
         values = np.linalg.svd(matrices, compute_uv=False)
         rank = int((values > DEPENDENT * values[:, :1]).sum(axis=1).max())
-        if rank == rows:
-            return tuple(range(rows))
-        # solvers take a held point's rows along the world's axes or along those of frame 1
-        turned = [self._upright(q) for q in self.regular]
-        return independent_rows(np.concatenate([matrices, turned]), rank)
+        return tuple(range(rows)) if rank == rows else independent_rows(matrices, rank)
 
     @cached_property
     def sampled_jacobians(self) -> np.ndarray:
@@ -162,17 +175,6 @@ class Problem:
             parts.append(goal_rows(m, g)[1])
         whole = np.vstack(parts) * m.column_scale / self.units[:, None]
         return np.asarray(whole[:, list(self.free)])
-
-    def _upright(self, q: np.ndarray) -> np.ndarray:
-        """As ``jacobian_at``, with the rows that hold a point along the world's axes."""
-        matrix = self.jacobian_at(q)  # leaves the placements in the workspace
-        placed = self.mechanism.workspace.data.oMi
-        for closure, where in zip(self.mechanism.closures, self.mechanism.row_slices, strict=True):
-            if isinstance(closure, Closure) and closure.joint_kind.holds_point:
-                three = slice(where.start, where.start + 3)
-                turn = (placed[closure.joint1] * closure.placement1).rotation
-                matrix[three] = turn @ matrix[three]
-        return matrix
 
     def elimination(self, graph: Graph, rows: Rows, samples: np.ndarray) -> Elimination:
         """Elimination of the kept rows in the free coordinates; inputs of the graph as sampled."""

@@ -84,15 +84,15 @@ class Kinematics:
     graph : Graph
     q : list of nq expressions
         Lengths in m, angles in rad, quaternions x y z w.
-    upright : bool
-        Whether rows that hold a point are along the world's axes; else along those of frame 1, as
-        the public residual has them.
+    upright : bool or set of str
+        Whether rows that hold a point are along the world's axes, or the closures whose rows are;
+        else they are along those of frame 1, as the public residual has them.
     """
 
     mechanism: Mechanism
     graph: Graph
     q: list[Expr]
-    upright: bool = True
+    upright: bool | frozenset[str] = True
     _screws: dict[int, Screw] = field(init=False, default_factory=dict, repr=False)
 
     @cached_property
@@ -249,7 +249,10 @@ class Kinematics:
         sizes = {name: size / length for name, size in closure.sizes.items()}
         values, wrenches = kind.values(p, r, sizes), kind.wrenches(p, r, sizes)
         world = [(matvec(a, f), matvec(a, m)) for f, m in wrenches]
-        if self.upright and kind.holds_point:
+        upright = (
+            closure.name in self.upright if isinstance(self.upright, frozenset) else self.upright
+        )
+        if upright and kind.holds_point:
             # a held point: its three rows turned into the world's axes
             one, zero = self.graph.constant(1.0), self.graph.constant(0.0)
             axes = [[one if r == c else zero for c in range(3)] for r in range(3)]
