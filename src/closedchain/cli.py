@@ -357,10 +357,21 @@ def _direct(mechanism: Mechanism, given: dict[str, float]) -> Solution:
 
 
 def _posture(mechanism: Mechanism, values: list[str] | None) -> Any:
-    """Configuration with the given inputs, home where there are none."""
+    """Configuration with the given inputs, home where there are none.
+
+    The way of the inputs may end at a direct singularity that has these very inputs.
+    """
+    import closedchain as cc
+
     if not values:
         return mechanism.home
-    return _direct(mechanism, arguments.input_values(mechanism, values)).raise_if_failed().q
+    given = arguments.input_values(mechanism, values)
+    solution = _direct(mechanism, given)
+    if not solution.converged and mechanism.task is not None:
+        end = cc.close(mechanism, solution.q, fixed=arguments.all_inputs(mechanism, given))
+        if end.converged and "direct" in cc.classify(mechanism, end.q).kinds:
+            return end.q
+    return solution.raise_if_failed().q
 
 
 def _answer(mechanism: Mechanism, solution: Solution, json: bool, **more: list[str]) -> None:

@@ -124,3 +124,18 @@ def test_missing_meshes_are_told_on_the_terminal(tmp_path: Path) -> None:
     words = ("view", str(file), "--package-dir", str(tmp_path))
     code, _, error = run(*words, "--html", str(tmp_path / "page.html"))
     assert (code, error) == (0, "")
+
+
+def test_a_posture_at_a_fold_of_the_inputs_is_classified(bar: str) -> None:
+    """The rocker driven back to where crank and rod are stretched: 0.35 m, by the law of cosines."""
+    text = BAR.replace('<joint name="A"/>', '<joint name="D"/>').replace(
+        "1.5708", repr(math.pi / 2)
+    )
+    Path(bar).write_text(text)
+    fold = math.pi - math.acos((0.30**2 + 0.20**2 - 0.35**2) / (2.0 * 0.30 * 0.20))
+    code, text, error = run("classify", bar, f"q1={fold!r}")
+    assert (code, error) == (0, "")
+    assert "direct singularity (type 2)" in text
+    code, _, error = run("classify", bar, f"q1={fold - 0.3}")
+    assert code == 1
+    assert "meets a direct singularity" in error
