@@ -135,6 +135,9 @@ def least_added(first: np.ndarray, basis: np.ndarray) -> tuple[np.ndarray, np.nd
     """
     if 0 in basis.shape:
         return np.zeros(basis.shape[1]), np.eye(basis.shape[1])
+    if basis.shape[0] > basis.shape[1]:
+        turn, basis = np.linalg.qr(basis)
+        first = turn.T @ first
     s = np.linalg.svd(basis, compute_uv=False)
     return least_solution(basis, -first, rank_above(s, RANK_TOLERANCE).value)
 

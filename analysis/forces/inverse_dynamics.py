@@ -93,7 +93,7 @@ def inverse_dynamics(
         still = np.zeros(mechanism.model.nv)
         bias = moving_efforts(mechanism, on, (at.q, v, still), forces) + train.resistance(v)
         a = motion.settled(a, bias)
-    found = held(at, on, (at.q, v, a), train.armature * a + train.resistance(v))
+    found = held(at, on, (at.q, v, a), motion.rank, train.armature * a + train.resistance(v))
     return InverseDynamics(
         inputs=found.inputs,
         motors=found.inputs / train.reductions,

@@ -31,6 +31,7 @@ from closedchain.analysis.forces.loads import (
 from closedchain.analysis.singularity.deciding import Deciding
 from closedchain.closure.closures import Coupling
 from closedchain.closure.mechanism import Mechanism
+from closedchain.closure.ranks import Rank
 from closedchain.urdf.errors import ClosureError
 
 UNCARRIED = 1e-9  # work of a load on free motions, as a share of its size, that is rounding
@@ -142,17 +143,22 @@ def statics(
     at = first_order(mechanism, q, task=mechanism.task is not None)
     on = loads(mechanism, wrench, gravity, payload)
     still = np.zeros(mechanism.model.nv)
-    return held(at, on, (at.q, still, still))
+    return held(at, on, (at.q, still, still), Deciding(at).locked.rank)
 
 
-def held(at: FirstOrder, on: Loads, motion: Motion, passive: np.ndarray | None = None) -> Statics:
-    """What holds loads on a motion (q, v, a) against efforts (nv,) of friction and the like."""
+def held(
+    at: FirstOrder, on: Loads, motion: Motion, rank: Rank, passive: np.ndarray | None = None
+) -> Statics:
+    """What holds loads on a motion (q, v, a) against efforts (nv,) of friction and the like.
+
+    ``rank`` is that of K_p.
+    """
     m = at.mechanism
     parts = body_forces(m, at.q, on)
     total = added(list(parts.values()), m.model)
     friction = np.zeros(m.model.nv) if passive is None else passive
     needed = moving_efforts(m, on, motion, total) + friction
-    whole = balance(at, needed, Deciding(at).locked.rank)
+    whole = balance(at, needed, rank)
     rows = row_wrenches(m, at.q)
     joints = Carrying(at, on, rows)
     internal = joints.internal(whole.internal[len(m.inputs) :])

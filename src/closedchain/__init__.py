@@ -22,6 +22,7 @@ from closedchain.urdf.errors import ClosedChainError, ClosureError, DescriptionE
 
 if TYPE_CHECKING:
     from closedchain.analysis.acceleration import Acceleration, acceleration
+    from closedchain.analysis.forces.effort_history import EffortHistory, efforts_along
     from closedchain.analysis.forces.forward_dynamics import ForwardDynamics, forward_dynamics
     from closedchain.analysis.forces.input_dynamics import (
         InputDynamics,
@@ -89,6 +90,7 @@ _LATER = {
     "analysis.forces.transmission": "transmission",
     "analysis.forces.transmission_table": "transmission_table",
     "analysis.forces.resets": "Resets resets",
+    "analysis.forces.effort_history": "EffortHistory efforts_along",
     "analysis.forces.forward_dynamics": "ForwardDynamics forward_dynamics",
     "analysis.forces.simulate": "Simulation simulate",
     "analysis.forces.statics": "Statics statics",
@@ -141,6 +143,7 @@ __all__ = [
     "ComparisonRow",
     "Dependence",
     "DescriptionError",
+    "EffortHistory",
     "Follow",
     "ForwardDynamics",
     "Hessian",
@@ -179,6 +182,7 @@ __all__ = [
     "constraint_jacobian",
     "dependence",
     "direct",
+    "efforts_along",
     "export",
     "export_code",
     "follow",

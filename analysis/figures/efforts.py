@@ -1,0 +1,55 @@
+"""Figures of efforts over time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from closedchain.urdf.errors import ClosureError, known_names
+
+if TYPE_CHECKING:
+    from closedchain.analysis.forces.effort_history import EffortHistory
+
+
+def draw_efforts(
+    found: EffortHistory, image: Path, joints: Sequence[str] = (), dpi: int = 130
+) -> None:
+    """Draw efforts and powers of the inputs, and the force and moment of named joints, over time.
+
+    Raises
+    ------
+    ClosureError
+        An unknown joint.
+    """
+    from matplotlib.figure import Figure
+
+    for name in joints:
+        if name not in found.joints:
+            raise ClosureError(known_names(name, "joint", found.joints))
+    units = dict.fromkeys(found.mechanism.input_units)
+    panels = [*units, "power", *(("force", "moment") if joints else ())]
+    figure = Figure(figsize=(7.5, 2.6 * len(panels)), layout="constrained")
+    axes = figure.subplots(len(panels), 1, sharex=True, squeeze=False).ravel()
+    for ax, panel in zip(axes, panels, strict=True):
+        ax.grid(alpha=0.3)
+        if panel in ("force", "moment"):
+            three = slice(0, 3) if panel == "force" else slice(3, 6)
+            for name in joints:
+                sizes = np.linalg.norm(found.joints[name][:, three], axis=1)
+                ax.plot(found.times, sizes, label=name)
+            ax.set_ylabel(f"{panel} [{'N' if panel == 'force' else 'N m'}]")
+        else:
+            for i, name in enumerate(found.mechanism.inputs):
+                if panel == "power":
+                    ax.plot(found.times, found.powers[:, i], label=name)
+                elif found.mechanism.input_units[i] == panel:
+                    ax.plot(found.times, found.inputs[:, i], label=name)
+            unit = "W" if panel == "power" else "N" if panel == "m" else "N m"
+            ax.set_ylabel(f"{'power' if panel == 'power' else 'effort'} [{unit}]")
+        ax.legend(fontsize=8, ncols=3)
+    axes[-1].set_xlabel("time [s]")
+    figure.suptitle(found.mechanism.name)
+    figure.savefig(image, dpi=dpi)
