@@ -95,6 +95,7 @@ def controls(
         '<div id="controls" role="group" aria-label="instrument">\n'
         + _rows(knobs)
         + '<p id="stop" class="told" role="alert" hidden></p>\n'
+        + '<button type="button" id="across" hidden>go to the other side</button>\n'
         + '<p id="limits" class="told" role="status" hidden></p>\n'
         + _readouts(mechanism, measured)
         + _series_rows(series)

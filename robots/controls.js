@@ -1,5 +1,5 @@
-// The page's instrument: sliders and numbers move the robot, its loops stay closed. What is above in
-// this script is the robot's own module.
+// The page's instrument: sliders and numbers move the robot, its loops stay closed. What is above
+// in this script is the robot's own module.
 {
 const {Matrix4, Vector3} = MeshCat.THREE;
 const data = JSON.parse(document.getElementById("instrument").textContent);
@@ -41,7 +41,7 @@ function draw(q) {
   viewer.set_dirty();
 }
 
-// -- poses as x y z and roll, pitch, yaw: R = Rz(yaw) Ry(pitch) Rx(roll) ---------------------------
+// -- poses as x y z and roll, pitch, yaw: R = Rz(yaw) Ry(pitch) Rx(roll) -------------------------
 
 function toAngles([x, y, z, w]) {
   const sine = Math.min(Math.max(2 * (w * y - z * x), -1), 1);
@@ -55,7 +55,8 @@ function toAngles([x, y, z, w]) {
 function toQuaternion(angles) {
   const [a, b, c] = angles.map((x) => Math.cos(x / 2));
   const [r, p, y] = angles.map((x) => Math.sin(x / 2));
-  return [r * b * c - a * p * y, a * p * c + r * b * y, a * b * y - r * p * c, a * b * c + r * p * y];
+  const [x, z] = [r * b * c - a * p * y, a * b * y - r * p * c];
+  return [x, a * p * c + r * b * y, z, a * b * c + r * p * y];
 }
 
 const coordinatesOf = (pose) => [...pose.slice(0, 3), ...toAngles(Array.from(pose).slice(3))];
@@ -76,13 +77,21 @@ const knobs = data.knobs.map((knob, i) => {
   return {...knob, slider, number};
 });
 
-// The latest wish counts; a picture is drawn for it before the next one is heard.
+// The latest wish counts; a picture is drawn for it before the next one is heard. A page that is
+// not painted gets no frames, and answers all the same.
+const LATEST = 100; // ms
 function request(knob, value) {
-  if (wanted === null) requestAnimationFrame(() => {
-    const wish = wanted;
-    wanted = null;
-    wish();
-  });
+  if (wanted === null) {
+    let late = 0;
+    const answer = () => {
+      clearTimeout(late);
+      const wish = wanted;
+      wanted = null;
+      wish?.();
+    };
+    requestAnimationFrame(answer);
+    late = setTimeout(answer, LATEST);
+  }
   wanted = () => {
     if (knob.way === "direct") {
       const values = inputsOf(q);
@@ -105,6 +114,18 @@ function toInputs(values) {
 
 function toPose(pose) {
   last = {...inverse(pose, q), way: "inverse"};
+  q = last.q;
+  show();
+  return last;
+}
+
+function toOtherSide() {
+  const found = across(q, last.way);
+  if (found === null) {
+    cell("stop", "No posture on the other side was found nearby.");
+    return null;
+  }
+  last = {...found, way: last.way};
   q = last.q;
   show();
   return last;
@@ -147,7 +168,8 @@ function show() {
   cell("limits", "beyond a joint's limit: " + beyond.join(", "));
   const kinds = showSigmas();
   const stopped = last !== null && !last.converged;
-  element("stop").hidden = !stopped;
+  element("stop").hidden = element("across").hidden = !stopped;
+  element("across").hidden ||= !data.measured;
   if (stopped) cell("stop", whyStopped(kinds));
 }
 
@@ -193,14 +215,16 @@ function whyStopped(kinds) {
   const share = (100 * last.reached).toFixed(1), what = direct ? "the inputs" : "the tip";
   const found = data.measured ? measure(q) : null;
   const sigma = direct ? found?.sigmaDirect : found?.sigmaInverse;
+  const kind = direct ? "A direct" : "An inverse";
   const near = sigma < data.near
-    ? ` ${direct ? "A direct" : "An inverse"} singularity is met: sigma is ${sigma.toExponential(1)}.`
+    ? ` ${kind} singularity is met: sigma is ${sigma.toExponential(1)}.`
     : "";
   return `Stopped after ${share} % of the way of ${what}: ${last.sentence}.${near}`;
 }
 
 // -- buttons -------------------------------------------------------------------------------------
 
+element("across").addEventListener("click", toOtherSide);
 element("picture").addEventListener("click", () => viewer.save_image());
 const chooser = element("postures");
 chooser.addEventListener("change", () => {
@@ -248,7 +272,8 @@ function goTo(x, y) {
 
 function onScreen(place) {
   const seen = place.applyMatrix4(root.matrixWorld).project(viewer.camera);
-  return [0.5 * (1 + seen.x) * canvas.clientWidth, 0.5 * (1 - seen.y) * canvas.clientHeight, seen.z];
+  const {clientWidth, clientHeight} = canvas;
+  return [0.5 * (1 + seen.x) * clientWidth, 0.5 * (1 - seen.y) * clientHeight, seen.z];
 }
 
 // Names stand where the joints are: HTML, moved after each drawing.
@@ -285,7 +310,8 @@ naming.addEventListener("change", () => viewer.set_dirty());
 
 // For a console, or another script of the page: what the sliders do.
 globalThis.instrument = {
-  posture: () => Array.from(q), measure: () => measure(q), toInputs, toPose, toPosture, goTo,
+  posture: () => Array.from(q), measure: () => measure(q),
+  toInputs, toPose, toPosture, toOtherSide, goTo,
   onScreen: (point) => onScreen(new Vector3(...point)), inputs, coordinates,
 };
 show();

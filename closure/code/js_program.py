@@ -40,6 +40,7 @@ class JsProgram:
         if p.measured:
             found = p.matrices
             parts.append(self.function("allMatrices", found.tape, found.places))
+            parts.append(self.function("moved", p.moved))
         wanted = {"ALWAYS": True, "DIRECT": p.direct is not None}
         wanted |= {"INVERSE": p.inverse is not None, "MEASURE": p.measured}
         return "\n".join([*parts, *(text for key, text in blocks("program.js") if wanted[key])])

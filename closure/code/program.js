@@ -80,10 +80,14 @@ export function bodies(q) {
  * withinLimits}: the posture, or the last good one before the end, and why it ended.
  */
 export function direct(inputs, guess = null) {
-    const from = guess ?? home, count = INPUT_Q.length;
-    if (!finite(inputs, count) || !finite(from, Q)) return untried(guess);
+    const from = guess ?? home;
+    if (!finite(inputs, INPUT_Q.length) || !finite(from, Q)) return untried(guess);
+    return directFrom(INPUT_Q.map((i) => from[i]), inputs, from);
+}
+
+function directFrom(begin, inputs, from) {
     const s = begun(DIRECT_STATES, from), told = new Float64Array(4);
-    const p = Float64Array.of(...INPUT_Q.map((i) => from[i]), ...inputs, SMALLEST);
+    const p = Float64Array.of(...begin, ...inputs, SMALLEST);
     const code = follow(direct_step, direct_judge, s, p);
     check(s, told);
     return answer(s, code, told);
@@ -107,11 +111,14 @@ export function inverse(pose, guess = null) {
     if (!finite(pose, POSE) || !finite(from, Q)) return untried(guess);
     const norm = Math.hypot(...Array.from(pose).slice(3));
     if (!(Math.abs(norm - 1) < 1e-3)) return untried(guess);
+    return inverseFrom(tip(from), Float64Array.from(pose, (x, i) => (i < 3 ? x : x / norm)), from);
+}
+
+function inverseFrom(begin, pose, from) {
     const s = begun(INVERSE_STATES, from), told = new Float64Array(4);
-    const wanted = Float64Array.from(pose, (x, i) => (i < 3 ? x : x / norm));
-    const p = Float64Array.of(...tip(from), ...wanted, SMALLEST);
+    const p = Float64Array.of(...begin, ...pose, SMALLEST);
     const code = follow(inverse_step, inverse_judge, s, p);
-    inverse_check(Float64Array.of(...s.subarray(0, Q), ...wanted), told);
+    inverse_check(Float64Array.of(...s.subarray(0, Q), ...pose), told);
     return answer(s, code, told);
 }
 
@@ -341,4 +348,40 @@ export function efforts(q, wrench = [0, 0, 0, 0, 0, 0], fall = [0, 0, FALL]) {
         for (let k = 0; k < driven; ++k) sum += (works[k][0] / values[k]) * (a[k][i] / values[k]);
         return -sum / unit;
     });
+}
+
+const SMALLEST_HOP = 1e-3, LARGEST_HOP = 1, HOP = 1.6; // dimensionless
+
+/**
+ * The posture on the other side of a singularity nearby: with the same inputs for "direct", with
+ * the tip at the same pose for "inverse". Found from guesses along the motion that needs least of
+ * the inputs, or that moves the tip least, nearest first. Returns what `direct` returns, or null.
+ */
+export function across(q, way) {
+    const found = motionsAt(q);
+    if (found === null) return null;
+    const isDirect = way === "direct", motions = found.motions;
+    const a = isDirect ? inputsIn(motions) : along(found.task, motions);
+    singularValues(a, motions);
+    const least = motions[(isDirect ? found.driven : PRODUCED) - 1];
+    if (least === undefined) return null;
+    const given = isDirect ? inputsOf(q) : tip(q);
+    const signed = isDirect ? DET_DIRECT && ROWS === K_RANK : DET_INVERSE;
+    const side = (at) => {
+        const told = measure(at);
+        return Math.sign((isDirect ? told?.detDirect : told?.detInverse) ?? 0);
+    };
+    const here = side(q);
+    const far = (at) => at.reduce((most, x, i) => Math.max(most, Math.abs(x - q[i])), 0);
+    for (let size = SMALLEST_HOP; size <= LARGEST_HOP; size *= HOP)
+        for (const hop of [size, -size]) {
+            const guess = new Float64Array(Q);
+            moved([...q, ...least.map((x) => hop * x)], guess);
+            // closed where it is asked for: half way there the branches may have ended
+            const other = (isDirect ? directFrom : inverseFrom)(given, given, guess);
+            if (!other.converged) continue;
+            const beyond = signed ? side(other.q) * here < 0 : far(other.q) > 0.5 * far(guess);
+            if (beyond) return other;
+        }
+    return null;
 }

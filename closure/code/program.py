@@ -131,6 +131,13 @@ class Program:
         return k.graph.tape(found, self.mechanism.model.nq)
 
     @cached_property
+    def moved(self) -> Tape:
+        """From q and a dimensionless motion to q after it, for small ones."""
+        k, model = kinematics(self.mechanism), self.mechanism.model
+        steps = k.graph.inputs(model.nq, model.nv)
+        return k.graph.tape(k.moved(k.q, dict(enumerate(steps))), model.nq + model.nv)
+
+    @cached_property
     def matrices(self) -> Matrices:
         """From q to the matrices, for dimensionless rates."""
         k = kinematics(self.mechanism)

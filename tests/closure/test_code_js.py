@@ -139,6 +139,43 @@ def test_a_way_through_a_singularity_ends_before_it(tmp_path: Path) -> None:
     assert_close(m.input_values(np.array(found["q"])), partway, 1e-12)
 
 
+def test_the_other_side_of_a_direct_singularity(tmp_path: Path) -> None:
+    m = cc.load("d1")
+    far = m.input_values(m.home) + np.array([0.1, -0.05, 0.15, 0.3, -0.3, 0.1])
+    body = 'const {q} = robot.direct(given.far); return [q, robot.across(q, "direct")];'
+    stopped, beyond = run_js(tmp_path, m, body, {"far": far})
+    other = beside(m, stopped, beyond)
+    here, there = (cc.classify(m, q) for q in (np.array(stopped), other))
+    assert here.det_direct * there.det_direct < 0.0
+    assert_close(m.input_values(other), m.input_values(np.array(stopped)), AGREE)
+
+
+def test_the_other_side_of_an_inverse_singularity(tmp_path: Path) -> None:
+    m = cc.load("linear_delta")
+    body = """
+    const start = robot.direct([-0.2, -0.1, -0.15]).q, pose = robot.tip(start);
+    pose[0] += 1;
+    const {q, converged} = robot.inverse(pose, start);
+    return [q, robot.across(q, "inverse"), converged, robot.across(robot.home, "inverse")];
+    """
+    stopped, beyond, converged, nothing = run_js(tmp_path, m, body, {})
+    assert not converged
+    assert nothing is None
+    other = beside(m, stopped, beyond)
+    here, there = (cc.classify(m, q) for q in (np.array(stopped), other))
+    assert here.det_inverse * there.det_inverse < 0.0
+    assert_close(m.pose(other).translation, m.pose(np.array(stopped)).translation, AGREE)
+
+
+def beside(m: cc.Mechanism, q: list[float], found: dict) -> np.ndarray:
+    """Another closed posture near one."""
+    assert found["converged"]
+    other = np.array(found["q"])
+    assert np.abs(cc.residual(m, other)).max() < 1e-12
+    assert 1e-4 < np.abs(other - q).max() < 0.5
+    return other
+
+
 def test_numbers_that_are_none_are_refused(tmp_path: Path) -> None:
     m = cc.load("rpa3t")
     body = """
