@@ -295,10 +295,23 @@ class Mechanism:
     def configurations(self, q: ArrayLike) -> np.ndarray:
         """Check one configuration (nq,) or many (n, nq). Raises ``ClosureError``."""
         if np.ndim(q) == 2:
+            if self._are_fine(array := np.array(q)):
+                return array
             return np.array([self.configuration(one) for one in np.asarray(q)]).reshape(
                 -1, self.model.nq
             )
         return self.configuration(q)
+
+    def _are_fine(self, q: np.ndarray) -> bool:
+        """Whether every row of numbers passes ``configuration``, seen at once."""
+        if q.dtype != FLOAT or q.shape[1] != self.model.nq:
+            return False
+        if not np.abs(q).max(initial=0.0) <= LARGEST_NUMBER:
+            return False
+        return all(
+            (np.abs(np.linalg.norm(q[:, s : s + 4], axis=1) - 1.0) <= QUATERNION_TOLERANCE).all()
+            for s in self._quaternions
+        )
 
     def tangent(self, v: ArrayLike) -> np.ndarray:
         """Check a velocity: (nv,) finite numbers. Raises ``ClosureError``."""

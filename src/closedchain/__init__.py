@@ -29,6 +29,7 @@ if TYPE_CHECKING:
         input_dynamics,
         mass_matrix,
     )
+    from closedchain.analysis.forces.input_efforts import input_efforts
     from closedchain.analysis.forces.inverse_dynamics import InverseDynamics, inverse_dynamics
     from closedchain.analysis.forces.motor_map import Transmission
     from closedchain.analysis.forces.resets import Resets, resets
@@ -85,6 +86,7 @@ _LATER = {
     "analysis.motion.track.stops": "Stop",
     "analysis.acceleration": "Acceleration acceleration",
     "analysis.forces.input_dynamics": "InputDynamics input_dynamics mass_matrix",
+    "analysis.forces.input_efforts": "input_efforts",
     "analysis.forces.inverse_dynamics": "InverseDynamics inverse_dynamics",
     "analysis.forces.motor_map": "Transmission",
     "analysis.forces.transmission": "transmission",
@@ -189,6 +191,7 @@ __all__ = [
     "forward_dynamics",
     "hessian",
     "input_dynamics",
+    "input_efforts",
     "inverse",
     "inverse_dynamics",
     "leg_velocity",
