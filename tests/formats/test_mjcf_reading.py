@@ -211,7 +211,7 @@ def test_includes_and_meshes(tmp_path: Path) -> None:
         '<mesh file="gone.stl"/></asset><include file="inner.xml"/></mujoco>'
     )
     m = cc.load_file(file)
-    assert any("the mesh 'gone' is missing (gone.stl)" in note for note in m.notes)
+    assert "1 mesh not found, and left out: 'gone' (gone.stl)" in m.notes
     text = m.description.text
     assert str(tmp_path / "meshes" / "there.obj") in text
     assert 'scale="2.0 2.0 2.0"' in text
@@ -229,6 +229,25 @@ def test_shapes_have_their_colour() -> None:
 def test_mujoco_says_what_is_wrong() -> None:
     with pytest.raises(DescriptionError, match=r"MuJoCo: .*unrecognized attribute"):
         cc.load_file('<mujoco><worldbody><body mass="1"/></worldbody></mujoco>')
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [('ref="20"', 'ref="nan"'), ('pos="1 0 0"', 'pos="nan 0 0"'), ('ref=".5"', 'ref="1e30"')],
+)
+def test_numbers_that_are_none_are_refused(
+    old: str,
+    new: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture,
+) -> None:
+    """MuJoCo itself would warn on standard error and in a file where one happens to be."""
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(DescriptionError, match="not finite or too large"):
+        cc.load_file(model(PAIR.replace(old, new, 1)))
+    assert capfd.readouterr().err == ""
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_without_mujoco_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -8,14 +8,40 @@ not there.
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+import warnings
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+
+from closedchain.urdf.elements import LARGEST
 from closedchain.urdf.errors import DescriptionError
 
 TINY_MASS = 1e-12
 """[kg] and [kg m^2] of bodies that have none: MuJoCo compiles no moving body without."""
+
+
+_ARRAYS = {
+    "body": ("body_pos", "body_quat", "body_ipos", "body_iquat", "body_mass", "body_inertia"),
+    "joint": ("jnt_pos", "jnt_axis"),
+    "geom": ("geom_pos", "geom_quat", "geom_size"),
+    "site": ("site_pos", "site_quat"),
+    "equality": ("eq_data",),
+    "tendon": ("tendon_length0",),
+    "actuator": ("actuator_gear",),
+    "key": ("key_qpos",),
+}
+"""Numbers of MuJoCo's model that are read, by what has them."""
+
+_ARRAY_WORDS = {
+    "qpos0": "reference value",
+    "jnt_range": "range",
+    "dof_damping": "damping",
+    "dof_frictionloss": "friction",
+    "dof_armature": "armature",
+}
 
 
 @dataclass(frozen=True)
@@ -58,19 +84,68 @@ def compile_text(text: str, file: str | None) -> Compiled:
         raise DescriptionError(
             "MJCF is read by MuJoCo, which is not installed: pip install 'closedchain[mjcf]'"
         ) from None
+    warned: list[str] = []
     try:
-        named = file is not None and file.endswith(".xml")  # MuJoCo goes by the ending
-        spec = mujoco.MjSpec.from_file(file) if named else mujoco.MjSpec.from_string(text)
-        folder = os.path.dirname(file) if file is not None else os.curdir
-        if file is not None and not named:
-            spec.modelfiledir = folder
-        meshes, notes = _without_missing_files(spec, folder)
-        spec.compiler.boundmass = max(spec.compiler.boundmass, TINY_MASS)
-        spec.compiler.boundinertia = max(spec.compiler.boundinertia, TINY_MASS)
-        model = spec.compile()
+        with _warnings_in(mujoco, warned):
+            spec, model, meshes, notes = _compiled(mujoco, text, file)
     except (ValueError, RuntimeError, mujoco.FatalError) as error:
         raise DescriptionError(f"MuJoCo: {' '.join(str(error).split())}") from None
-    return Compiled(mujoco, model, spec.modelname, meshes, notes)
+    _refuse_huge(model)
+    said = (f"MuJoCo: {' '.join(word.split())}" for word in dict.fromkeys(warned))
+    return Compiled(mujoco, model, spec.modelname, meshes, (*notes, *said))
+
+
+@contextmanager
+def _warnings_in(mujoco: Any, warned: list[str]) -> Iterator[None]:
+    """Collect MuJoCo's warnings, which it would print and append to a file of its own."""
+    before = mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(warned.append)
+    try:
+        yield
+    finally:
+        mujoco.set_mju_user_warning(before)
+
+
+def _compiled(
+    mujoco: Any, text: str, file: str | None
+) -> tuple[Any, Any, dict[str, str], tuple[str, ...]]:
+    """MuJoCo's description and model, files of meshes, and notes."""
+    named = file is not None and file.endswith(".xml")  # MuJoCo goes by the ending
+    spec = mujoco.MjSpec.from_file(file) if named else mujoco.MjSpec.from_string(text)
+    folder = os.path.dirname(file) if file is not None else os.curdir
+    if file is not None and not named:
+        spec.modelfiledir = folder
+    meshes, notes = _without_missing_files(spec, folder)
+    spec.compiler.boundmass = max(spec.compiler.boundmass, TINY_MASS)
+    spec.compiler.boundinertia = max(spec.compiler.boundinertia, TINY_MASS)
+    with warnings.catch_warnings():  # of inertias, which do not matter here
+        warnings.simplefilter("ignore", UserWarning)
+        model = spec.compile()
+    return spec, model, meshes, notes
+
+
+def _refuse_huge(model: Any) -> None:
+    """Refuse numbers that are not finite, or too large to calculate with, before any of it."""
+    for array, word in _ARRAY_WORDS.items():
+        if not (np.abs(np.asarray(getattr(model, array), dtype=float)) <= LARGEST).all():
+            raise DescriptionError(
+                f"MuJoCo: the {word} of a joint is not finite or too large; numbers "
+                f"are at most {LARGEST:g} in size (SI units)"
+            )
+    for kind, arrays in _ARRAYS.items():
+        for array in arrays:
+            values = np.atleast_2d(np.asarray(getattr(model, array), dtype=float).T).T
+            wrong = ~(np.abs(values) <= LARGEST).all(axis=1)
+            if array.endswith("quat"):  # MuJoCo leaves what has no direction as it is
+                wrong |= np.linalg.norm(np.where(wrong[:, None], 1.0, values), axis=1) < 0.5
+            if wrong.any():
+                element = getattr(model, kind)(int(np.flatnonzero(wrong)[0]))
+                raise DescriptionError(
+                    f"MuJoCo: {array.partition('_')[2]} has a number that is not finite or too "
+                    f"large, or no direction; numbers are at most {LARGEST:g} in size (SI units)",
+                    element=kind,
+                    name=element.name or None,
+                )
 
 
 def _without_missing_files(spec: Any, folder: str) -> tuple[dict[str, str], tuple[str, ...]]:
@@ -83,6 +158,7 @@ def _without_missing_files(spec: Any, folder: str) -> tuple[dict[str, str], tupl
         spec.delete(texture)
     found: dict[str, str] = {}
     notes: list[str] = []
+    missing: list[str] = []
     for mesh in list(spec.meshes):
         if not mesh.file:
             continue
@@ -91,10 +167,16 @@ def _without_missing_files(spec: Any, folder: str) -> tuple[dict[str, str], tupl
         if os.path.isfile(path):
             found[name] = path
             continue
-        notes.append(f"the mesh {name!r} is missing ({mesh.file}); its shapes are left out")
+        missing.append(f"{name!r} ({mesh.file})")
         for geom in [g for g in spec.geoms if g.meshname == name]:
             spec.delete(geom)
         spec.delete(mesh)
+    if missing:
+        more = f" and {len(missing) - 3} more" if len(missing) > 3 else ""
+        what = "mesh" if len(missing) == 1 else "meshes"
+        notes.append(
+            f"{len(missing)} {what} not found, and left out: {', '.join(missing[:3])}{more}"
+        )
     for ground in list(spec.hfields):
         if ground.file and not os.path.isfile(
             os.path.join(folder, spec.meshdir or "", ground.file)
