@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 from numpy.typing import ArrayLike
 
 from closedchain.analysis.singularity.maps.grid import Progress, grid_of
 from closedchain.analysis.singularity.sets.curves import curves_on, is_everywhere
+from closedchain.analysis.singularity.sets.cusps import cusps_of
 from closedchain.analysis.singularity.sets.lattice import Lattice, finer, lattice_on
 from closedchain.analysis.singularity.sets.meeting import meeting
 from closedchain.analysis.singularity.sets.singular_set import KINDS, SingularitySet
@@ -28,6 +30,7 @@ def singularity_set(
     mode: str | None = None,
     outputs: str | Sequence[str] | None = None,
     check: bool | None = None,
+    cusps: bool = False,
     progress: bool | Progress = False,
 ) -> SingularitySet:
     """Find the singular postures of one kind over a range of two or three coordinates.
@@ -52,6 +55,8 @@ def singularity_set(
     check : bool, optional
         Look for what was missed on a grid twice as fine, which has four or eight times as many
         cells. By default where these are no more than ``MOST_CHECKED``.
+    cusps : bool
+        Also find the cusps of curves at which the coordinates fold, see ``SingularitySet.cusps``.
     progress : bool or callable
         True shows a bar on a terminal; a callable gets (what, done, total).
 
@@ -82,7 +87,12 @@ def singularity_set(
         lattice = lattice_on(grid, names, report)
         if check is None:
             check = lattice.ok.size * 2 ** len(grid.values) <= MOST_CHECKED
-        return set_of(lattice, kind, names, report, check=check)
+        found = set_of(lattice, kind, names, report, check=check)
+        if not cusps:
+            return found
+        places = cusps_of(found, names)
+        nq = mechanism.model.nq
+        return replace(found, cusps=places[:, nq:], cusps_q=places[:, :nq])
 
 
 def set_of(

@@ -77,6 +77,9 @@ class SingularitySet:
         Sign changes and ends of the branch on a grid twice as fine that are no nearer than a cell
         to the set; None where that was not checked.
     note : str
+    cusps, cusps_q : (n, k) and (n, nq) arrays
+        Coordinates [m or rad] and postures where a curve of folds turns back and three postures
+        meet; empty where they were not asked for, and for other kinds.
     """
 
     kind: str
@@ -99,6 +102,8 @@ class SingularitySet:
     dropped: int
     missed: int | None
     note: str
+    cusps: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
+    cusps_q: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
 
     @property
     def text(self) -> str:
