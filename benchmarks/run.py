@@ -23,7 +23,7 @@ os.environ.update(dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1"
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks import batch, cases, cold, exported, sets, stacks
+from benchmarks import batch, cases, cold, exported, forces, sets, stacks
 from benchmarks.placo_peer import installed
 from benchmarks.timing import OURS, Row
 from closedchain.robots.catalogue import robots
@@ -56,6 +56,7 @@ def processor() -> str:
 SECTIONS: dict[str, Callable[[argparse.Namespace], Iterable[Row]]] = {
     "calls": lambda o: (row for case in cases.CASES for row in cases.rows(case, o.repeats)),
     "exported": lambda o: (row for case in cases.CASES for row in exported.rows(case, o.repeats)),
+    "forces": lambda o: (row for case in cases.CASES for row in forces.rows(case, o.repeats)),
     "batch": lambda o: batch.rows(o.cells),
     "sets": lambda o: sets.rows(o.cells, o.surveys),
     "cold": lambda o: cold.rows(("d1", "linear_delta"), 5),

@@ -9,7 +9,8 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # benchmarks/ is not installed
 
-from benchmarks import batch, cases, cold, exported, run, sets, stacks
+import closedchain as cc
+from benchmarks import batch, cases, cold, exported, forces, run, sets, stacks
 from benchmarks.following import DIRECT, INVERSE
 from benchmarks.placo_peer import TOOL as PLACO
 from benchmarks.timing import OURS, Row
@@ -52,6 +53,15 @@ def test_a_solver_that_leaves_the_loops_open_gets_no_time() -> None:
     assert row["seconds"] is None
     assert "More equality constraints" in str(row["note"])
     assert float(str(row["residual"])) > 1e-3
+
+
+def test_forces_beside_pinocchio() -> None:
+    case = next(case for case in cases.CASES if case.robot == "d1")
+    rows = sound(forces.rows(case, 20))
+    works = {row["work"] for row in rows if row["tool"] == OURS}
+    assert works == {forces.ONE, forces.BULK, forces.FORWARD}
+    m, q = case.start()
+    assert abs(forces.by_lapack(m, q) - cc.input_efforts(m, q, forces.PUSH)).max() < 1e-9
 
 
 def test_exported_to_c() -> None:
