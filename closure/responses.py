@@ -30,7 +30,7 @@ def responses(
     """
     pin.forwardKinematics(mechanism.model, mechanism.workspace.data, q)
     placed = mechanism.workspace.data.oMi
-    paths = _paths(mechanism.description.joints)
+    above = paths(mechanism.description.joints)
     joints = {joint.name: np.zeros((mechanism.rows, 6)) for joint in mechanism.description.joints}
     closures, gaps = {}, {}
     for closure, where in zip(mechanism.closures, mechanism.row_slices, strict=True):
@@ -40,7 +40,7 @@ def responses(
         gap = frame1.actInv(placed[closure.joint2] * closure.placement2)
         wrenches = cut_rows(closure, gap)[1]
         seen = wrenches @ frame1.toActionMatrixInverse()
-        one, two = paths[closure.parent], paths[closure.child]
+        one, two = above[closure.parent], above[closure.child]
         for name in one ^ two:
             joints[name][where] += seen if name in two else -seen
         own = np.zeros((mechanism.rows, 6))
@@ -60,14 +60,14 @@ def link_poses(mechanism: Mechanism, q: np.ndarray) -> dict[str, pin.SE3]:
     }
 
 
-def _paths(joints: Sequence[Joint]) -> dict[str, set[str]]:
-    """Joints between the root and every link."""
+def paths(joints: Sequence[Joint]) -> dict[str, set[str]]:
+    """Joints, fixed ones too, between the root and every link."""
     above = {joint.child: joint for joint in joints}
-    paths: dict[str, set[str]] = {}
+    found: dict[str, set[str]] = {}
     for link in {*above, *(joint.parent for joint in joints)}:
         names, here = set(), link
         while here in above:
             names.add(above[here].name)
             here = above[here].parent
-        paths[link] = names
-    return paths
+        found[link] = names
+    return found

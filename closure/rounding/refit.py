@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from closedchain.closure.equations import Equations
 from closedchain.closure.mechanism import Mechanism
+from closedchain.closure.rounding.parts import Part
 from closedchain.closure.rounding.sensitivity import Sensitivity
 from closedchain.closure.rounding.settling import Settled, settled, spread
 from closedchain.urdf.description import Description
@@ -26,6 +26,7 @@ DAMPING = 3.0
 """Share of the last change of the numbers below which a direction's effect is not believed."""
 
 ENOUGH = 3  # steps in vain
+MOST = 0.7  # share of the postures that have to settle again
 EXACT, GOOD = 2e-14, 2e-13
 """Largest dimensionless row that is sought at the postures that numbers are fitted to, and that is
 good enough at others: well below what counts as closed."""
@@ -39,6 +40,7 @@ class Movable:
 
     Attributes
     ----------
+    part : Part
     build : callable
         Mechanism, home as stated, of a description.
     numbers : tuple of Number
@@ -50,6 +52,7 @@ class Movable:
         Dimensionless size of what rounding may leave open.
     """
 
+    part: Part
     build: Build
     numbers: tuple[Number, ...]
     weights: np.ndarray
@@ -78,13 +81,15 @@ def refit(
     ``postures`` (nq,) lie along the motions of the ``mechanism``, closed to the tolerance.
     """
     values = np.array([number.value for number in movable.numbers])
+    part = movable.part
     for seed in range(1, ROUNDS + 1):
         found = _descended(movable, mechanism, values, postures)
         if found is None:
             return None
         mechanism, values = found.mechanism, found.values
         start = found.spots[0].q
-        fresh = spread(mechanism, start, movable.rank, movable.tolerance, POSTURES, seed)
+        equations = part.equations(part.alone(mechanism))
+        fresh = spread(equations, start, movable.rank, movable.tolerance, POSTURES, seed)
         if not fresh:
             return None
         if _worst(fresh) < GOOD:
@@ -103,7 +108,7 @@ def _descended(
     """
     moving = np.flatnonzero(movable.weights > 0.0)
     scale = movable.weights[moving] / movable.weights.max(initial=0.0)
-    spots = _settled(mechanism, postures, movable.rank)
+    spots = _settled(movable, mechanism, postures)
     if spots is None:
         return None
     here = _State(mechanism, values, spots)
@@ -128,7 +133,7 @@ def _step(movable: Movable, here: _State, scale: np.ndarray, damping: float) -> 
     """Damped least change (m,) of the moving numbers that closes what is left open."""
     chosen = [movable.numbers[i] for i in np.flatnonzero(movable.weights > 0.0)]
     left = np.concatenate([spot.spare.T @ spot.rows for spot in here.spots])
-    by_number = Sensitivity(here.mechanism, chosen)
+    by_number = Sensitivity(movable.part.alone(here.mechanism), chosen)
     matrix = np.vstack([spot.spare.T @ by_number.at(spot.q) * scale for spot in here.spots])
     # least |matrix y - left|^2 + |damping y|^2, by orthogonal factors of the smaller side
     if matrix.shape[0] >= matrix.shape[1]:
@@ -143,16 +148,17 @@ def _step(movable: Movable, here: _State, scale: np.ndarray, damping: float) -> 
 def _moved(movable: Movable, here: _State, values: np.ndarray) -> _State | None:
     described = with_numbers(here.mechanism.description, movable.numbers, values)
     mechanism = movable.build(described)
-    spots = _settled(mechanism, [spot.q for spot in here.spots], movable.rank)
+    spots = _settled(movable, mechanism, [spot.q for spot in here.spots])
     return None if spots is None else _State(mechanism, values, spots)
 
 
 def _settled(
-    mechanism: Mechanism, postures: Sequence[np.ndarray], rank: int
+    movable: Movable, mechanism: Mechanism, postures: Sequence[np.ndarray]
 ) -> list[Settled] | None:
-    equations = Equations(mechanism, np.arange(mechanism.model.nv))
-    spots = [spot for q in postures if (spot := settled(equations, q, rank)) is not None]
-    return spots if len(spots) == len(postures) else None
+    equations = movable.part.equations(movable.part.alone(mechanism))
+    found = (settled(equations, q, movable.rank) for q in postures)
+    spots = [spot for spot in found if spot is not None]
+    return spots if len(spots) > MOST * len(postures) else None
 
 
 def _worst(spots: Sequence[Settled]) -> float:

@@ -2,9 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from closedchain.closure.ranks import Rank
+
+if TYPE_CHECKING:
+    from closedchain.closure.mechanism import Mechanism
+    from closedchain.closure.rounding.misfit import Misfit
+    from closedchain.closure.rounding.parts import Part
 
 
 @dataclass(frozen=True)
@@ -70,3 +77,23 @@ class Rounding:
             f"{self.rank.above:.3g} | {self.rank.below:.2g}). It is read as the nearest mechanism "
             f"that closes exactly: {count} number{'s' * (count != 1)} changed by up to {most:.2g}"
         )
+
+
+def together(
+    mechanism: Mechanism,
+    tolerance: float,
+    told: Sequence[tuple[Part, Misfit]],
+    changed: tuple[Change, ...],
+) -> Rounding:
+    """Report on all parts of a mechanism; ``told`` are those with redundant rows.
+
+    Rows of the other parts are kept.
+    """
+    redundant = sorted(
+        part.rows[i] for part, missed in told for i in range(len(part.rows)) if i not in missed.kept
+    )
+    kept = tuple(sorted(set(range(mechanism.rows)) - set(redundant)))
+    ranks = [missed.rank for _, missed in told]
+    rank = Rank(len(kept), min(r.above for r in ranks), max(r.below for r in ranks))
+    most = max(missed.missed for _, missed in told)
+    return Rounding(tolerance, most, kept, tuple(redundant), rank, changed)

@@ -12,13 +12,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from closedchain.closure.equations import Equations
-from closedchain.closure.mechanism import Mechanism
 
 STEPS = 30
 STRIDE = 1.2
 """Largest dimensionless change of a joint from one posture of a spread to the next."""
 
-_SETTLED = 1e-14
+_SETTLED, _ROUNDING = 1e-14, 1e-10  # steps that are none, and that may be no better than rounding
 
 
 @dataclass(frozen=True)
@@ -61,9 +60,9 @@ def settled(equations: Equations, q: np.ndarray, rank: int) -> Settled | None:
         u, s, vt = np.linalg.svd(matrix, full_matrices=True)
         step = -vt[:rank].T @ ((u[:, :rank].T @ rows) / s[:rank])
         size = float(np.linalg.norm(step))
-        if not size < 3.0 or size > 2.0 * last:
+        if not size < 3.0 or (size > 2.0 * last and size > _ROUNDING):
             return None
-        if size < _SETTLED or (size < 1e-10 and size > 0.3 * last):
+        if size < _SETTLED or (size < _ROUNDING and size > 0.3 * last):
             return Settled(q, rank, rows, u[:, rank:], vt[rank:].T, s)
         last = max(size, 1e-13)
         q = equations.move(q, step)
@@ -71,14 +70,13 @@ def settled(equations: Equations, q: np.ndarray, rank: int) -> Settled | None:
 
 
 def spread(
-    mechanism: Mechanism, start: np.ndarray, rank: int, tolerance: float, count: int, seed: int = 0
+    equations: Equations, start: np.ndarray, rank: int, tolerance: float, count: int, seed: int = 0
 ) -> list[Settled]:
     """The start, then ``count`` postures along the motions away from it, settled; the same always.
 
     Postures whose rows stay open by more than the dimensionless ``tolerance`` are left out. Empty
     where the start does not settle.
     """
-    equations = Equations(mechanism, np.arange(mechanism.model.nv))
     first = settled(equations, start, rank)
     if first is None or first.open > tolerance:
         return []

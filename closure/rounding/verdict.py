@@ -8,6 +8,7 @@ as they stand, with ranks that leave no doubt, are never touched.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,11 +16,12 @@ from closedchain.closure.closures import Closure
 from closedchain.closure.constraints import flipped_axes
 from closedchain.closure.equations import Equations
 from closedchain.closure.mechanism import Mechanism
-from closedchain.closure.ranks import RANK_TOLERANCE, Rank, independent_rows
+from closedchain.closure.ranks import RANK_TOLERANCE
+from closedchain.closure.rounding.misfit import Misfit, misfit
+from closedchain.closure.rounding.parts import Part, parts_of
 from closedchain.closure.rounding.refit import POSTURES, Build, Movable, refit
-from closedchain.closure.rounding.report import Change, Rounding
+from closedchain.closure.rounding.report import Change, Rounding, together
 from closedchain.closure.rounding.settling import Settled, spread
-from closedchain.closure.solve.control import CLOSED
 from closedchain.closure.solve.descend import descend
 from closedchain.closure.solve.newton import largest
 from closedchain.closure.solve.starts import scattered, turned
@@ -30,8 +32,24 @@ NONE = 1e-11
 
 _DOUBT = 1e-12  # dimensionless row or share of a singular value that rounding may have made
 _RANKS = 4  # that are tried, from the least
-_CLEAR = 0.1  # share of their size that singular values of the kept rows have where these are clear
 _NOTHING = 1e-15  # change of a number that is none
+
+
+@dataclass(frozen=True, eq=False)
+class _Question:
+    """A part of a mechanism as printed, and the tolerance [m]."""
+
+    part: Part
+    printed: Mechanism
+    tolerance: float
+
+    @property
+    def share(self) -> float:
+        return self.tolerance / self.printed.length
+
+    @property
+    def equations(self) -> Equations:
+        return self.part.equations(self.part.alone(self.printed))
 
 
 def meant(
@@ -48,56 +66,69 @@ def meant(
     tolerance : float or None
         What roundings may leave open [m]; by the printed digits where None.
     """
-    found = numbers(mechanism.description)
     if tolerance is None:
         tolerance = default_tolerance(mechanism.description, mechanism.length)
-    share = tolerance / mechanism.length
     if tolerance < NONE or not any(isinstance(c, Closure) for c in mechanism.closures):
         return mechanism, None
-    start = _nearly_closed(mechanism, share)
-    if start is None:
+    exact, told = mechanism, []
+    for part in parts_of(mechanism):
+        found = _of_part(_Question(part, mechanism, tolerance), build, exact)
+        if found is not None:
+            exact, missed = found
+            told.append((part, missed))
+    if exact is mechanism:
         return mechanism, None
-    for spots, rank in _along(mechanism, start, share):
+    return exact, together(mechanism, tolerance, told, tuple(_changes(mechanism, exact)))
+
+
+def _of_part(asked: _Question, build: Build, before: Mechanism) -> tuple[Mechanism, Misfit] | None:
+    """The mechanism with the numbers of one part as they are read, and what the printed ones miss.
+
+    ``before`` has the numbers of other parts as they are read; it is returned where those of this
+    one stand as printed. None where no row is redundant, or nothing closes nearly.
+    """
+    start = _nearly_closed(asked)
+    if start is None:
+        return None
+    owners = asked.part.owners(asked.printed)
+    found = [n for n in numbers(before.description) if n.owner in owners]
+    for spots, rank in _along(asked, start):
         if not _doubtful(spots, rank):
-            return mechanism, None
-        for weights, values in _attempts(found, tolerance, mechanism.length):
-            model = build(with_numbers(mechanism.description, found, values))
-            now = [n if n.value == v else _at(n, v) for n, v in zip(found, values, strict=True)]
-            movable = Movable(build, tuple(now), weights, rank, share)
+            return before, misfit(asked.equations, spots)
+        for weights, values in _attempts(found, asked.tolerance, asked.printed.length):
+            model = build(with_numbers(before.description, found, values))
+            now = tuple(
+                replace(n, value=float(v), meant=float(v))
+                for n, v in zip(found, values, strict=True)
+            )
+            movable = Movable(asked.part, build, now, weights, rank, asked.share)
             exact = refit(movable, model, [spot.q for spot in spots])
-            if exact is None:
-                continue
-            changed = tuple(_changes(mechanism, exact))
-            most = max((one.off * (1.0 if one.is_length else mechanism.length) for one in changed),
-                       default=0.0)  # fmt: skip
-            if most <= tolerance:
-                return exact, _report(mechanism, exact, spots, tolerance, changed)
-    return mechanism, None
+            if exact is not None and _near(asked, exact):
+                return exact, misfit(asked.equations, spots)
+    return None
 
 
-def _nearly_closed(mechanism: Mechanism, share: float) -> np.ndarray | None:
-    """Posture (nq,) whose rows are open by no more than the ``share``, beside home if there is."""
-    everything = np.arange(mechanism.model.nv)
-    equations = Equations(mechanism, everything)
-    starts = [*scattered(mechanism, mechanism.home), *turned(mechanism, mechanism.home, everything)]
-    for start in starts:
-        near = descend(equations, start, floor=share)
-        near_enough = largest(near.values / equations.row_scale) <= share
-        if near_enough and not flipped_axes(mechanism, near.q):
+def _nearly_closed(asked: _Question) -> np.ndarray | None:
+    """Posture (nq,) whose rows are open by no more than the tolerance, beside home if there is."""
+    equations, home = asked.equations, asked.printed.home
+    alone, free = equations.mechanism, equations.free
+    for start in (*scattered(alone, home, free), *turned(alone, home, free)):
+        near = descend(equations, start, floor=asked.share)
+        near_enough = largest(near.values / equations.row_scale) <= asked.share
+        if near_enough and not flipped_axes(alone, near.q):
             return near.q
     return None
 
 
-def _along(
-    mechanism: Mechanism, start: np.ndarray, share: float
-) -> Iterator[tuple[list[Settled], int]]:
+def _along(asked: _Question, start: np.ndarray) -> Iterator[tuple[list[Settled], int]]:
     """Postures along the motions for one rank after the other, from the least that may be."""
-    equations = Equations(mechanism, np.arange(mechanism.model.nv))
-    s = np.linalg.svd(equations.evaluate(start)[1], compute_uv=False)
+    equations, share = asked.equations, asked.share
+    values, matrix = equations.evaluate(start)
+    s = np.linalg.svd(matrix, compute_uv=False)
     rank = int((s > share * s.max(initial=0.0)).sum())
     tried = 0
-    while rank < mechanism.rows and rank <= mechanism.model.nv and tried < _RANKS:
-        spots = spread(mechanism, start, rank, share, POSTURES) if rank else []
+    while rank < values.size and rank <= equations.free.size and tried < _RANKS:
+        spots = spread(equations, start, rank, share, POSTURES) if rank else []
         higher = max((_count(spot, share) for spot in spots), default=rank)
         if higher > rank:  # the start is special: elsewhere more rows are independent
             rank = higher
@@ -115,9 +146,8 @@ def _count(spot: Settled, share: float) -> int:
 
 def _doubtful(spots: Sequence[Settled], rank: int) -> bool:
     """Whether rounding may be at work: rows that stay open, or small singular values."""
-    small = max((float(s.values[rank] / s.values[0]) for s in spots if rank < s.values.size),
-                default=0.0)  # fmt: skip
-    return small > RANK_TOLERANCE or max(spot.open for spot in spots) > _DOUBT
+    small = [float(s.values[rank] / s.values[0]) for s in spots if rank < s.values.size]
+    return max(small, default=0.0) > RANK_TOLERANCE or max(spot.open for spot in spots) > _DOUBT
 
 
 def _attempts(
@@ -138,48 +168,11 @@ def _attempts(
     yield np.array([tolerance if n.is_length else tolerance / length for n in found]), printed
 
 
-def _at(number: Number, value: float) -> Number:
-    return Number(number.owner, number.part, number.index, value, number.unit, value)
-
-
-def _report(
-    printed: Mechanism,
-    exact: Mechanism,
-    spots: Sequence[Settled],
-    tolerance: float,
-    changed: tuple[Change, ...],
-) -> Rounding:
-    """What the printed numbers miss at postures (nq,) along the motions.
-
-    Postures at which the kept rows are much less independent than all rows tell of the choice, not
-    of the numbers, and are left out.
-    """
-    rank = spots[0].rank
-    equations = Equations(printed, np.arange(printed.model.nv))
-    jacobians = np.array([equations.evaluate(spot.q)[1] for spot in spots])
-    kept = independent_rows(jacobians, rank)
-    others = [row for row in range(exact.rows) if row not in kept]
-    missed, above, below = 0.0, np.inf, 0.0
-    for spot, jacobian in zip(spots, jacobians, strict=True):
-        least = np.linalg.svd(jacobian[list(kept)], compute_uv=False)[-1] if rank else np.inf
-        values = _kept_closed(equations, spot.q, kept)
-        if values is not None and (spot is spots[0] or least > _CLEAR * spot.values[rank - 1]):
-            missed = max(missed, largest(values[others]))
-        above = min(above, float(spot.values[rank - 1]) if rank else np.inf)
-        below = max(below, float(spot.values[rank]) if rank < spot.values.size else 0.0)
-    return Rounding(tolerance, missed, kept, tuple(others), Rank(rank, above, below), changed)
-
-
-def _kept_closed(equations: Equations, q: np.ndarray, kept: Sequence[int]) -> np.ndarray | None:
-    """Rows (rows,) [m, rad] with the kept ones closed, by Newton steps of least length from q."""
-    rows = list(kept)
-    for _ in range(20):
-        values, matrix = equations.evaluate(q)
-        if largest(values[rows]) < 1e-13:
-            return values
-        scaled = values[rows] / equations.row_scale[rows]
-        q = equations.move(q, -np.linalg.lstsq(matrix[rows], scaled, rcond=None)[0])
-    return values if largest(values[rows]) < CLOSED else None
+def _near(asked: _Question, exact: Mechanism) -> bool:
+    """Whether no number has moved by more than the tolerance."""
+    length = asked.printed.length
+    off = (one.off * (1.0 if one.is_length else length) for one in _changes(asked.printed, exact))
+    return max(off, default=0.0) <= asked.tolerance
 
 
 def _changes(printed: Mechanism, exact: Mechanism) -> Iterator[Change]:

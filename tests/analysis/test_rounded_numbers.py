@@ -328,3 +328,29 @@ def test_other_formats_count_by_the_file_as_it_is() -> None:
     ):
         described = dataclasses.replace(plain, printed=printed)
         assert digits.default_tolerance(described, 0.2) == pytest.approx(10 * unit)
+
+
+def test_loops_that_share_no_joint_are_judged_one_by_one() -> None:
+    """Two four-bars on each other's coupler, of which one is written with all digits."""
+    joints, cuts, home = [], [], {}
+    for i, (base, at) in enumerate((("base", "0"), ("k0", "0.3"))):
+        joints += [
+            linkages.J(f"A{i}", base, f"c{i}", f"{at} 0 0"),
+            linkages.J(f"B{i}", f"c{i}", f"k{i}", "0.15 0 0"),
+            linkages.J(f"D{i}", base, f"r{i}", f"{float(at) + 0.4!r} 0 0"),
+        ]
+        cuts.append(linkages.Cut(f"C{i}", f"k{i}", f"r{i}", "0.35 0 0", "0.2 0 0"))
+        home |= {f"A{i}": 1.0, f"B{i}": -0.8, f"D{i}": 1.2}
+    text = linkages.urdf("two", joints, cuts, inputs={"q0": "A0", "q1": "A1"}, home=home, tip="k1")
+    exact = cc.load_urdf(text, xacro=False)
+    assert exact.rounding is None
+    # a hinge of the second loop leans by what four decimals leave out
+    before, middle, after = text.partition('<joint name="D1"')
+    leaning = before + middle + after.replace('axis xyz="0 0 1"', 'axis xyz="0 0.0001 1"', 1)
+    m = cc.load_urdf(leaning, xacro=False)
+    assert m.rounding is not None
+    assert {change.where.split()[0] for change in m.rounding.changed} == {"D1"}
+    assert m.rounding.kept == (0, 1, 5, 6)
+    assert m.rounding.redundant == (2, 3, 4, 7, 8, 9)
+    assert cc.mobility(m).mobility == 2
+    assert m.misfit == pytest.approx(1e-4, rel=0.9)
