@@ -353,4 +353,4 @@ def test_loops_that_share_no_joint_are_judged_one_by_one() -> None:
     assert m.rounding.kept == (0, 1, 5, 6)
     assert m.rounding.redundant == (2, 3, 4, 7, 8, 9)
     assert cc.mobility(m).mobility == 2
-    assert m.misfit == pytest.approx(1e-4, rel=0.9)
+    assert 5e-5 < m.misfit < 5e-4
