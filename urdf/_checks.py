@@ -7,6 +7,7 @@ from typing import Protocol
 
 from closedchain.urdf.description import (
     Coupling,
+    Description,
     Input,
     Joint,
     JointRelation,
@@ -189,6 +190,36 @@ def known_couplings(
             f"<mimic>: {problem}", line=coupling.line, element="joint", name=coupling.joint
         )
     return tuple(kept)
+
+
+def check_roles(description: Description, joints: Mapping[str, Joint]) -> None:
+    """Refuse inputs, a task and postures of joints and links that do not exist.
+
+    Raises
+    ------
+    DescriptionError
+        Naming what is unknown, and what is known.
+    """
+    for item in description.inputs:
+        problem = ""
+        if item.joint not in joints:
+            problem = known_names(item.joint, "joint", joints)
+        elif joints[item.joint].type not in ("revolute", "continuous", "prismatic"):
+            problem = f"the joint {item.joint!r} is {joints[item.joint].type} and has no one value"
+        if problem:
+            raise DescriptionError(problem, line=item.line, element="transmission", name=item.name)
+    task, links = description.task, [link.name for link in description.links]
+    if task is not None:
+        for end in (task.base, task.tip):
+            if end not in links:
+                raise DescriptionError(known_names(end, "link", links), element="task")
+        if task.base == task.tip:
+            raise DescriptionError(f"base and tip are the same link {task.tip!r}", element="task")
+    for name, state in (("home", description.home), *description.states.items()):
+        for joint in state:
+            if joint not in joints:
+                message = known_names(joint, "joint", joints)
+                raise DescriptionError(message, element="group_state", name=name)
 
 
 def check_relations(

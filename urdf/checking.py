@@ -10,6 +10,7 @@ from closedchain.urdf._bodies import ONE_DOF
 from closedchain.urdf._checks import (
     check_closures,
     check_relations,
+    check_roles,
     known_couplings,
     refuse_duplicates,
     root_of,
@@ -19,6 +20,7 @@ from closedchain.urdf.description import Description, Joint, JointRelation, Loop
 from closedchain.urdf.errors import DescriptionError
 from closedchain.urdf.formats.missing_loops import are_loops_missing
 from closedchain.urdf.link_poses import moved
+from closedchain.urdf.magnitudes import check_magnitudes
 from closedchain.urdf.poses import origin_of, pose_of
 from closedchain.urdf.shapes import Shapes
 from closedchain.urdf.writing import urdf_text
@@ -35,14 +37,16 @@ def checked(description: Description, shapes: Shapes = _NOTHING) -> Description:
     Raises
     ------
     DescriptionError
-        Names used twice, unknown links or joints, no tree.
+        Names used twice, unknown links or joints, no tree, numbers that are too large.
     """
     d = description
+    check_magnitudes(d)
     notes = list(d.notes)
     for things, element in ((d.links, "link"), (d.joints, "joint")):
         refuse_duplicates(things, element)
     top = root_of(d.name, None, d.links, d.joints)
     joints = {joint.name: joint for joint in d.joints}
+    check_roles(d, joints)
     couplings = known_couplings(d.couplings, joints, ONE_DOF, notes)
     check_relations(d.relations, joints, ONE_DOF)
     closures = []

@@ -21,6 +21,7 @@ from closedchain.robots.rus6 import (
     j_x,
     pencil_margin,
     roots,
+    rotation_ypr,
     stage_sigma,
     stretched_heights,
 )
@@ -116,8 +117,16 @@ def test_the_margin_does_not_rule_out_pencils(
 def test_the_margin_does_not_rule_out_direct_singularities(coupled: cc.Mechanism) -> None:
     """Claim: sizes can avoid them all. Home mode, positive margins, both stages independent."""
     turns = {"yaw": (87.5923188294, -84.853552183), "pitch": (40.5006836262,)}
-    for name, degrees in {**turns, "roll": (42.695811785,)}.items():
+    for axis, (name, degrees) in enumerate({**turns, "roll": (42.695811785,)}.items()):
+
+        def determinant(t: np.ndarray, axis: int = axis) -> np.ndarray:
+            turn = rotation_ypr(*(t if i == axis else 0.0 * t for i in range(3)))
+            place = np.broadcast_to([0.0, -0.55, 0.0], (len(t), 3))
+            return det_jx(inverse(Pose(turn, place), 0.0, G))
+
+        found = np.degrees(roots(determinant, np.radians(np.arange(-100.0, 101.0, 5.0))))
         for angle in degrees:
+            assert np.abs(found - angle).min() < 1e-8
             q, legs = at(coupled, on_axis(-0.55, **{name: np.radians(angle)}))
             assert (pencil_margin(G, 0.0) > 0.17).all()
             assert (stage_sigma(legs) > 0.85).all()
