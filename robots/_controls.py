@@ -14,10 +14,11 @@ import numpy as np
 from closedchain.closure import Closure, Mechanism
 from closedchain.closure.code.exporting import export_code
 from closedchain.robots._page import json_in_script, module_script
+from closedchain.robots._planes import plane_data, plane_maps
 from closedchain.robots._player import moving
 from closedchain.robots._recorder import TO_Z
 from closedchain.robots._scene import Scene
-from closedchain.robots.overlays import PostureSeries
+from closedchain.robots.controls import Controls, PostureSeries
 from closedchain.urdf.description import OUTPUTS
 from closedchain.urdf.errors import ClosureError
 
@@ -58,19 +59,17 @@ def immovable(mechanism: Mechanism, q: np.ndarray) -> str:
     return ""
 
 
-def controls(
-    mechanism: Mechanism,
-    q: np.ndarray,
-    scene: Scene,
-    places: Places,
-    series: Sequence[PostureSeries],
-) -> str:
+def controls(mechanism: Mechanism, q: np.ndarray, scene: Scene, offered: Controls) -> str:
     """HTML of the instrument, at a closed posture (nq,).
 
-    ``places`` are closed postures by name, beside those of the mechanism, to go to, ``series``
-    postures to go through.
+    Raises
+    ------
+    ClosureError
+        Malformed postures, or planes over what no slider moves.
     """
-    bodies, named = scene.bodies, _postures(mechanism) | {k: np.array(v) for k, v in places.items()}
+    bodies, series = scene.bodies, offered.series
+    given = {name: mechanism.configuration(p) for name, p in offered.places.items()}
+    named = _postures(mechanism) | given
     (module,) = export_code(mechanism, "js", name="robot").values()
     knobs = list(_knobs(mechanism, bodies.size))
     measured = bool(mechanism.inputs) and mechanism.task is not None
@@ -83,6 +82,7 @@ def controls(
         "knobs": [{"way": k.way, "at": k.at} for k in knobs],
         "postures": [posture.tolist() for posture in named.values()],
         "series": [{"q": one.q.tolist(), "points": one.points.tolist()} for one in series],
+        "planes": [plane_data(mechanism, plane) for plane in offered.planes],
         "root": [part for part in scene.root.split("/") if part],
         "names": list(_names(mechanism)),
         "fall": (-FREE_FALL * TO_Z[scene.up][2]).tolist(),
@@ -98,6 +98,7 @@ def controls(
         + '<button type="button" id="across" hidden>go to the other side</button>\n'
         + '<p id="limits" class="told" role="status" hidden></p>\n'
         + _readouts(mechanism, measured)
+        + plane_maps(offered.planes)
         + _series_rows(series)
         + (_load(mechanism) if measured else "")
         + _buttons(named)

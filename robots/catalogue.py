@@ -7,12 +7,15 @@ from dataclasses import dataclass, field
 from importlib.resources import files
 from itertools import product
 from math import radians
+from pathlib import Path
 from types import MappingProxyType
 from typing import Literal
 
 from closedchain.closure import Mechanism, mechanism_from_description
+from closedchain.closure.files import load_file
 from closedchain.closure.loading import refuse_open
 from closedchain.robots.delia import CHOICES as DELIA_LEGS
+from closedchain.robots.examples import PREFIX, example_file
 from closedchain.robots.family import Choice
 from closedchain.urdf import load_description
 from closedchain.urdf.description import ParameterValue
@@ -185,7 +188,8 @@ def load(name: str, *, variant: str | None = None, **parameters: ParameterValue)
     Parameters
     ----------
     name : str
-        One of ``robots()`` or ``families()``.
+        One of ``robots()`` or ``families()``; or ``example:NAME`` for a robot of the package
+        example-robot-data (extra ``closedchain[examples]``).
     variant : str, optional
         A named set of parameters of that robot.
     parameters : numbers or strings
@@ -198,6 +202,14 @@ def load(name: str, *, variant: str | None = None, **parameters: ParameterValue)
         Unknown robot, variant, parameter or choice (lists the known ones), or sizes that do not
         close.
     """
+    if name.startswith(PREFIX):
+        if variant is not None or parameters:
+            raise DescriptionError(f"{name} has neither variants nor parameters")
+        return load_file(example_file(name))
+    if name not in (*robots(), *families()) and (Path(name).suffix or Path(name).name != name):
+        raise DescriptionError(
+            f"{name!r} is no robot of the catalogue; files are loaded by cc.load_file({name!r})"
+        )
     entry = robot(name)
     overrides: Overrides = {}
     if variant is not None:

@@ -137,6 +137,33 @@ function toPosture(posture) {
   show();
 }
 
+// -- small maps ----------------------------------------------------------------------------------
+
+const first = current();
+const SIDE = 200;
+
+function coordinatesFor(axes, now) {
+  return axes[0].way === "direct" ? now.values : now.at;
+}
+
+function markPlanes(now) {
+  data.planes.forEach(({axes, ranges}, i) => {
+    const here = coordinatesFor(axes, now), before = coordinatesFor(axes, first);
+    const shares = axes.map(({at}, k) => {
+      const [low, high] = ranges[k];
+      return (here[at] - low) / (high - low);
+    });
+    const mark = element(`mark-${i}`);
+    mark.setAttribute("cx", SIDE * shares[0]);
+    mark.setAttribute("cy", SIDE * (1 - shares[1]));
+    const held = data.knobs.filter(({way, at}) =>
+      way === axes[0].way && !axes.some((axis) => axis.at === at));
+    const other = held.some(({at}) => Math.abs(here[at] - before[at]) > 1e-6);
+    element(`other-${i}`).hidden = !other;
+    mark.setAttribute("class", other ? "elsewhere" : "");
+  });
+}
+
 // -- what is told --------------------------------------------------------------------------------
 
 const text = (x, unit = "") => `${(Math.abs(x) < 0.5e-9 ? 0 : x).toFixed(DIGITS)} ${unit}`.trim();
@@ -163,6 +190,7 @@ function show() {
   }
   coordinates.forEach(({unit}, i) => cell(`q-${i}`, text(q[i], unit)));
   showEfforts();
+  markPlanes({values, at});
   const beyond = overLimits();
   element("limits").hidden = !beyond.length;
   cell("limits", "beyond a joint's limit: " + beyond.join(", "));
@@ -275,6 +303,21 @@ function onScreen(place) {
   const {clientWidth, clientHeight} = canvas;
   return [0.5 * (1 + seen.x) * clientWidth, 0.5 * (1 - seen.y) * clientHeight, seen.z];
 }
+
+// Small maps: the mark is where the robot is, a click leads there.
+data.planes.forEach(({axes, ranges}, i) => {
+  element(`plane-${i}`).addEventListener("click", (event) => {
+    const {left, top, width, height} = element(`plane-${i}`).getBoundingClientRect();
+    const shares = [(event.clientX - left) / width, 1 - (event.clientY - top) / height];
+    const goal = Array.from(coordinatesFor(axes, current()));
+    axes.forEach(({at}, k) => {
+      const [low, high] = ranges[k];
+      goal[at] = low + shares[k] * (high - low);
+    });
+    if (axes[0].way === "direct") toInputs(goal);
+    else toPose([...goal.slice(0, 3), ...toQuaternion(goal.slice(3))]);
+  });
+});
 
 // Names stand where the joints are: HTML, moved after each drawing.
 const naming = element("names");

@@ -70,42 +70,6 @@ class Polyline:
 
 
 @dataclass(frozen=True, eq=False)
-class PostureSeries:
-    """Closed postures that a page with controls goes through: by a slider, or by a click.
-
-    Attributes
-    ----------
-    q : (n, nq) array, n >= 1
-        Postures.
-    points : (n, 3) array
-        World coordinates [m] at which a click on the page goes to each.
-    label : str
-        What they are.
-
-    Raises
-    ------
-    ClosureError
-        Wrong shapes, numbers that are not finite.
-    """
-
-    q: np.ndarray
-    points: np.ndarray
-    label: str
-
-    def __post_init__(self) -> None:
-        what = _called("series", self.label)
-        postures = numbers(self.q, f"{what}: q")
-        places = spots(self.points, f"{what}: points", 1)
-        if postures.ndim != 2 or len(postures) != len(places):
-            raise ClosureError(
-                f"{what}: q must be one posture for each of {len(places)} points, got an array "
-                f"{postures.shape}"
-            )
-        _keep(self, "q", postures)
-        _keep(self, "points", places)
-
-
-@dataclass(frozen=True, eq=False)
 class Surface:
     """A triangle mesh; both sides are drawn.
 

@@ -10,7 +10,7 @@ import contextlib
 import html
 import threading
 import webbrowser
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from types import TracebackType
 
@@ -33,15 +33,18 @@ from closedchain.robots.animation import (
     input_readouts,
 )
 from closedchain.robots.box import Box, boxed
-from closedchain.robots.overlays import PALETTE, Markers, Polyline, PostureSeries, Surface
+from closedchain.robots.controls import Controls, Plane, PostureSeries
+from closedchain.robots.overlays import PALETTE, Markers, Polyline, Surface
 from closedchain.urdf.errors import ClosureError
 
 __all__ = [
     "PALETTE",
     "Animation",
     "Box",
+    "Controls",
     "Markers",
     "Overlay",
+    "Plane",
     "Polyline",
     "PostureSeries",
     "Readout",
@@ -64,9 +67,7 @@ def static_page(
     overlays: Sequence[Overlay] = (),
     animation: Animation | None = None,
     title: str | None = None,
-    controls: bool = False,
-    places: Mapping[str, ArrayLike] | None = None,
-    series: Sequence[PostureSeries] = (),
+    controls: bool | Controls = False,
 ) -> str:
     """Draw a mechanism as one HTML page that needs nothing but a browser.
 
@@ -86,13 +87,10 @@ def static_page(
         posture at 0.5 s and does not play.
     title : str, optional
         Heading; the mechanism's name by default.
-    controls : bool
-        Whether sliders move the inputs and the tip, with read-outs; not with an animation. The
-        page then solves the position problems itself, by the module of ``cc.export_code``.
-    places : mapping of str to (nq,) array, optional
-        Closed postures that the controls offer to go to, beside the mechanism's named ones.
-    series : sequence of PostureSeries, optional
-        Closed postures that the controls go through.
+    controls : bool or Controls
+        Whether sliders move the inputs and the tip, with read-outs, and what else there is to go
+        to; not with an animation. The page then solves the position problems itself, by the module
+        of ``cc.export_code``.
 
     Raises
     ------
@@ -119,8 +117,8 @@ def static_page(
         if controls:
             unmoved = instrument.immovable(mechanism, q)
             lines, style = [*lines, unmoved] if unmoved else [], instrument.style()
-            known = {name: mechanism.configuration(p) for name, p in (places or {}).items()}
-            rest = "" if unmoved else instrument.controls(mechanism, q, scene, known, series)
+            offered = Controls() if controls is True else controls
+            rest = "" if unmoved else instrument.controls(mechanism, q, scene, offered)
     else:
         checked_postures(mechanism, animation.q)
         traces = trace_lines(mechanism, animation)
@@ -151,9 +149,7 @@ def serve(
     overlays: Sequence[Overlay] = (),
     animation: Animation | None = None,
     title: str | None = None,
-    controls: bool = False,
-    places: Mapping[str, ArrayLike] | None = None,
-    series: Sequence[PostureSeries] = (),
+    controls: bool | Controls = False,
     open_browser: bool = False,
     port: int = 0,
 ) -> Served:
@@ -176,8 +172,6 @@ def serve(
         animation=animation,
         title=title,
         controls=controls,
-        places=places,
-        series=series,
     )
     served = Served(text, port)
     if open_browser:

@@ -11,8 +11,10 @@ import numpy as np
 from closedchain._arguments import Up
 from closedchain.analysis.survey.set_tables import polylines
 from closedchain.robots.viewer import (
+    Controls,
     Markers,
     Overlay,
+    Plane,
     Polyline,
     PostureSeries,
     Surface,
@@ -46,7 +48,30 @@ def survey_page(found: Survey, q: np.ndarray, *, up: Up) -> str:
         elif found.mechanism.task is not None:
             overlays.extend(_at_tip(found.mechanism, part))
     series = [one for part in found.slices for one in _series(found.mechanism, part)]
-    return static_page(found.mechanism, q, up=up, overlays=overlays, controls=True, series=series)
+    planes = [one for part in found.slices for one in _planes(found.mechanism, part)]
+    offered = Controls(series=series, planes=planes)
+    return static_page(found.mechanism, q, up=up, overlays=overlays, controls=offered)
+
+
+def _planes(mechanism: Mechanism, part: Slice) -> Iterator[Plane]:
+    """A small map of a slice over two inputs, or two coordinates of the tip's place."""
+    if len(part.over) != 2:
+        return
+    driven = all(name in mechanism.inputs for name in part.over)
+    placed = mechanism.task is not None and set(part.over) <= set(mechanism.outputs())
+    if not driven and not (placed and _in_space(mechanism, part)):
+        return
+    curves = []
+    for found in part.sets:
+        columns = [found.over.index(name) for name in part.over]
+        curves += [
+            (found.kind, found.coordinates[line][:, columns])
+            for line, on_branch in polylines(found)
+            if on_branch and len(line) > 1
+        ]
+    across, up = (part.map[name].to_numpy() for name in part.over)
+    ranges = np.array([[across[0], across[-1]], [up[0], up[-1]]])
+    yield Plane((part.over[0], part.over[1]), ranges, curves)
 
 
 def _series(mechanism: Mechanism, part: Slice) -> Iterator[PostureSeries]:

@@ -14,7 +14,14 @@ import pytest
 from page_reading import SLIDER, browse, transforms, with_probe
 
 import closedchain as cc
-from closedchain.robots.viewer import Animation, PostureSeries, static_page
+from closedchain.robots.viewer import (
+    PALETTE,
+    Animation,
+    Controls,
+    Plane,
+    PostureSeries,
+    static_page,
+)
 
 PROBE = """<pre id="told"></pre><script>
 const element = (id) => document.getElementById(id);
@@ -149,7 +156,7 @@ def test_a_singularity_stops_it_and_is_named(d1: cc.Mechanism, tmp_path: Path) -
 
 def test_efforts_and_names_are_told_on_demand(delta: cc.Mechanism, tmp_path: Path) -> None:
     there = cc.direct(delta, [-0.2, -0.1, -0.15]).raise_if_failed().q
-    page = static_page(delta, controls=True, places={"there <b>": there})
+    page = static_page(delta, controls=Controls(places={"there <b>": there}))
     found = told(
         page,
         tmp_path,
@@ -186,7 +193,7 @@ def test_a_series_is_gone_through_by_slider_and_by_click(
     values = [[-0.2, -0.1, x] for x in (-0.3, -0.2, -0.1)]
     q = np.array([cc.direct(delta, one).raise_if_failed().q for one in values])
     tips = np.array([delta.pose(one).translation for one in q])
-    page = static_page(delta, controls=True, series=[PostureSeries(q, tips, "heights <i>")])
+    page = static_page(delta, controls=Controls(series=[PostureSeries(q, tips, "heights <i>")]))
     found = told(
         page,
         tmp_path,
@@ -213,6 +220,66 @@ def test_a_series_is_gone_through_by_slider_and_by_click(
     assert found["label"] == "heights <i>"
     with pytest.raises(cc.ClosureError, match="one posture for each of 3 points"):
         PostureSeries(q[:2], tips, "too few")
+
+
+def test_a_plane_shows_where_it_is_and_leads_elsewhere(delta: cc.Mechanism, tmp_path: Path) -> None:
+    curve = np.array([[-0.5, -0.5], [0.0, 0.5]])
+    inputs = Plane(("q1", "q2"), [(-0.4, 0.0), (-0.3, 0.1)], [("direct", curve)])
+    tip = Plane(("x", "z"), [(-0.2, 0.2), (-0.8, -0.4)], [("inverse", curve)])
+    page = static_page(delta, controls=Controls(planes=[inputs, tip]))
+    found = told(
+        page,
+        tmp_path,
+        """
+        const hit = (i, u, v) => {
+          const {left, top, width, height} = element(`plane-${i}`).getBoundingClientRect();
+          const at = {clientX: left + u * width, clientY: top + (1 - v) * height};
+          element(`plane-${i}`).dispatchEvent(new MouseEvent("click", at));
+        };
+        const mark = (i) => ["cx", "cy"].map((k) => Number(element(`mark-${i}`).getAttribute(k)));
+        told.before = [mark(0), mark(1), text("other-0")];
+        hit(0, 0.25, 0.5);
+        told.first = [instrument.posture(), mark(0), text("other-0")];
+        hit(1, 0.75, 0.5);
+        told.second = [instrument.posture(), mark(1), text("other-0"), text("other-1")];
+        """,
+    )
+    q1, q2, q3 = delta.input_values(delta.home)
+    assert found["before"][2] == ""
+    assert np.allclose(found["before"][0], [500 * (q1 + 0.4), 200 - 500 * (q2 + 0.3)], atol=1e-9)
+    assert np.allclose(found["before"][1], [100.0, 100.0], atol=1e-9)
+    first = cc.direct(delta, [-0.3, -0.1, q3]).raise_if_failed().q
+    reached = delta.input_values(np.array(found["first"][0]))
+    assert np.abs(reached - delta.input_values(first)).max() < 1.1e-3  # half a pixel
+    assert np.allclose(found["first"][1], [50.0, 100.0], atol=0.6)
+    assert found["first"][2] == ""
+    place = delta.pose(np.array(found["second"][0])).translation
+    assert np.allclose(place, [0.1, delta.pose(first).translation[1], -0.6], atol=2e-3)
+    assert np.allclose(found["second"][1], [150.0, 100.0], atol=0.6)
+    assert "the curves are of before" in found["second"][2]  # the third leg moved
+    assert "the curves are of before" in found["second"][3]  # y is not what it was
+    for name, dash in (("direct", "none"), ("inverse", "7 3")):
+        assert re.search(rf'<polyline[^>]*stroke="{PALETTE[name]}"[^>]*dasharray="{dash}"', page)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: Plane(("q1", "q2"), [(0.0, 0.0), (0.0, 1.0)]), "rising pairs"),
+        (lambda: Plane(("q1", "q2"), [(0, 1), (0, 1)], [("odd", np.zeros((2, 2)))]), "'odd'"),
+        (lambda: Plane(("q1", "q2"), [(0, 1), (0, 1)], [("direct", np.zeros(2))]), "must be"),
+    ],
+)
+def test_planes_that_make_no_sense(make: Any, message: str) -> None:
+    with pytest.raises(cc.ClosureError, match=message):
+        make()
+
+
+def test_a_plane_over_what_nothing_moves_is_refused(delta: cc.Mechanism) -> None:
+    for over in (("q1", "x"), ("leg1_B", "leg2_B"), ("x", "rx")):
+        plane = Plane(over, [(0.0, 1.0), (0.0, 1.0)])
+        with pytest.raises(cc.ClosureError, match="over two inputs"):
+            static_page(delta, controls=Controls(planes=[plane]))
 
 
 def test_limits_are_told(tmp_path: Path) -> None:
