@@ -214,8 +214,35 @@ def test_mimic_and_bounds() -> None:
     assert_close(q, [0.7, 2 * (0.7 - 0.5) + 0.1], 1e-12)
 
 
+@pytest.mark.parametrize(
+    ("turned", "axis", "sense"), [(False, 1, 1), (True, 1, -1), (False, -1, -1)]
+)
+def test_a_gearbox_ties_two_hinges(turned: bool, axis: int, sense: int) -> None:
+    """theta2 = -ratio theta1, whichever way round the hinges are written."""
+    ends = ("rotor", "base") if turned else ("base", "rotor")
+    hinge = f"<axis><xyz>0 0 {axis}</xyz></axis>"
+    gear = (
+        "<gearbox_reference_body>base</gearbox_reference_body><gearbox_ratio>3</gearbox_ratio>"
+        f"{Z}<axis2><xyz>0 0 1</xyz></axis2>"
+    )
+    m = cc.load_file(
+        sdf(
+            link("base")
+            + link("rotor")
+            + link("arm")
+            + joint("motor", "revolute", *ends, hinge)
+            + joint("out", "revolute", "base", "arm")
+            + joint("gear", "gearbox", "rotor", "arm", gear)
+        )
+    )
+    assert [(c.name, c.kind) for c in m.closures] == [("gear", "linear")]
+    q = cc.close(m, fixed={"motor": 0.2}).raise_if_failed().q
+    angle = q[m.model.joints[m.model.getJointId("out")].idx_q]
+    assert angle == pytest.approx(-3 * 0.2 * sense, abs=1e-12)
+
+
 def test_what_is_not_kinematics_is_noted() -> None:
-    gear = joint("g", "gearbox", "a", "b", "<gearbox_ratio>2</gearbox_ratio>")
+    gear = joint("g", "gearbox", "a", "b", "<gearbox_reference_body>a</gearbox_reference_body>" + Z)
     spring = joint("j", "revolute", "a", "b", "<axis><xyz>0 0 1</xyz><dynamics><spring_stiffness>3"
                    "</spring_stiffness></dynamics></axis>")  # fmt: skip
     plane = "<visual name='v'><geometry><plane/></geometry></visual>"

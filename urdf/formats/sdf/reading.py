@@ -12,9 +12,18 @@ from lxml import etree
 
 from closedchain.urdf import elements
 from closedchain.urdf.checking import checked, fresh_closures
-from closedchain.urdf.description import Coupling, Description, Inertial, Input, Joint, Link
+from closedchain.urdf.description import (
+    Coupling,
+    Description,
+    Inertial,
+    Input,
+    Joint,
+    JointRelation,
+    Link,
+)
 from closedchain.urdf.errors import DescriptionError, known_names
 from closedchain.urdf.formats.sdf.frames import MODEL, WORLD, Frames
+from closedchain.urdf.formats.sdf.gearbox import gear_relation
 from closedchain.urdf.formats.sdf.graph import Edge, EdgeKind, spanned
 from closedchain.urdf.formats.sdf.roles import read_roles
 from closedchain.urdf.formats.sdf.shapes import shapes_of_link
@@ -71,6 +80,7 @@ def read(text: str) -> Description:
     canonical = _canonical(model, bodies, frames)
     old = _version(model) < (1, 5)
     edges, couplings = _edges(model, frames, canonical, old, notes)
+    gears = _gears(model, frames, edges, old, notes)
     root, edges = _base(bodies, edges, canonical, notes)
     if root == WORLD:
         bodies[WORLD] = frames.pose(WORLD, model)
@@ -94,7 +104,7 @@ def read(text: str) -> Description:
         joints=tuple(joints),
         closures=fresh_closures(tuple(found.closures)),
         couplings=tuple(_shifted(c, found.home) for c in couplings),
-        relations=(*found.relations, *roles.relations),
+        relations=(*found.relations, *roles.relations, *_of_tree(gears, joints, notes)),
         inputs=inputs,
         task=roles.task,
         home=found.home,
@@ -161,15 +171,11 @@ def _edges(
     edges: list[Edge] = []
     couplings: list[Coupling] = []
     for element in children(model, "joint"):
-        name, wanted = elements.text(element, "name"), elements.text(element, "type")
+        wanted = elements.text(element, "type")
         if wanted == "gearbox":
-            notes.append(
-                f"line {element.sourceline}: the gearbox joint {name!r} was not read; what it ties "
-                "can be written as a relation of joint values"
-            )
             continue
         if wanted not in _KINDS:
-            raise elements.error(element, known_names(wanted, "joint type", _KINDS))
+            raise elements.error(element, known_names(wanted, "joint type", (*_KINDS, "gearbox")))
         ends = [frames.body(word(element, side), element) for side in ("parent", "child")]
         ends = [canonical if end == MODEL else end for end in ends]
         if ends[0] == ends[1]:
@@ -229,6 +235,19 @@ def _bound(limit: Element, tag: str, without: float) -> float:
     return value if abs(value) < _NO_BOUND else without
 
 
+def _of_tree(
+    gears: list[JointRelation], joints: list[Joint], notes: list[str]
+) -> list[JointRelation]:
+    """Gears whose hinges are in the tree; a hinge that was cut has no value."""
+    names = {joint.name for joint in joints}
+    notes += [
+        f"line {gear.line}: the gearbox joint {gear.name!r} was not read: one of its hinges was cut"
+        for gear in gears
+        if not set(gear.joints) <= names
+    ]
+    return [gear for gear in gears if set(gear.joints) <= names]
+
+
 def _pitch(element: Element) -> float:
     """Way of a screw in a turn [m]; the older ``thread_pitch`` is in turns back, rad per m."""
     pitch = number(element, "screw_thread_pitch", 0.0)
@@ -236,6 +255,25 @@ def _pitch(element: Element) -> float:
     if not pitch and not old:
         raise elements.error(element, "a screw joint needs <screw_thread_pitch> [m per turn]")
     return pitch or -2.0 * math.pi / old
+
+
+def _gears(
+    model: Element, frames: Frames, edges: list[Edge], old: bool, notes: list[str]
+) -> list[JointRelation]:
+    """Relations of the gearbox joints; those whose hinges are not there are noted."""
+    found = []
+    for element in children(model, "joint"):
+        if element.get("type") != "gearbox":
+            continue
+        relation = gear_relation(element, frames, edges, old)
+        if relation is None:
+            notes.append(
+                f"line {element.sourceline}: the gearbox joint {element.get('name')!r} was not "
+                "read: its bodies do not hang on the reference body by hinges about its axes"
+            )
+        else:
+            found.append(relation)
+    return found
 
 
 def _mimic(element: Element) -> list[Coupling]:
