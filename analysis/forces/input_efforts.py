@@ -176,7 +176,7 @@ def input_efforts(
         for frame, mass in payload.items():
             weight = np.concatenate([float(mass) * on.gravity, np.zeros(3)])
             wrenches[frame] = wrenches.get(frame, 0.0) + weight
-    code = _code_of(mechanism, tuple(wrenches))
+    code = effort_code(mechanism, tuple(wrenches))
     if not code.serves:
         found = np.array([_alone(mechanism, one, wrenches, on.gravity) for one in table])
         return found if postures.ndim == 2 else found[0]
@@ -196,7 +196,8 @@ def _alone(
     return np.asarray(statics(mechanism, q, wrenches, fall).raise_if_failed().inputs)
 
 
-def _code_of(mechanism: Mechanism, frames: tuple[str, ...]) -> EffortCode:
+def effort_code(mechanism: Mechanism, frames: tuple[str, ...]) -> EffortCode:
+    """Machine code for wrenches at some frames, made once and compared with ``statics``."""
     key = ("forces.efforts", frames)
     found: EffortCode | None = mechanism.known.get(key)
     if found is None:

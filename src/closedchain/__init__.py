@@ -22,6 +22,16 @@ from closedchain.urdf.errors import ClosedChainError, ClosureError, DescriptionE
 
 if TYPE_CHECKING:
     from closedchain.analysis.acceleration import Acceleration, acceleration
+    from closedchain.analysis.forces.capabilities import (
+        Capabilities,
+        capabilities,
+        compliance,
+        effort_per_force,
+        effort_per_moment,
+        largest_compliance,
+        stiffness,
+        twist_maps,
+    )
     from closedchain.analysis.forces.effort_history import EffortHistory, efforts_along
     from closedchain.analysis.forces.forward_dynamics import ForwardDynamics, forward_dynamics
     from closedchain.analysis.forces.input_dynamics import (
@@ -92,6 +102,8 @@ _LATER = {
     "analysis.forces.transmission": "transmission",
     "analysis.forces.transmission_table": "transmission_table",
     "analysis.forces.resets": "Resets resets",
+    "analysis.forces.capabilities": "Capabilities capabilities compliance effort_per_force "
+    "effort_per_moment largest_compliance stiffness twist_maps",
     "analysis.forces.effort_history": "EffortHistory efforts_along",
     "analysis.forces.forward_dynamics": "ForwardDynamics forward_dynamics",
     "analysis.forces.simulate": "Simulation simulate",
@@ -137,6 +149,7 @@ def __dir__() -> list[str]:
 __all__ = [
     "Acceleration",
     "Accelerators",
+    "Capabilities",
     "Classification",
     "ClosedChainError",
     "Closure",
@@ -177,13 +190,17 @@ __all__ = [
     "Velocity",
     "acceleration",
     "accelerators",
+    "capabilities",
     "classify",
     "close",
     "compare",
+    "compliance",
     "constraint_drift",
     "constraint_jacobian",
     "dependence",
     "direct",
+    "effort_per_force",
+    "effort_per_moment",
     "efforts_along",
     "export",
     "export_code",
@@ -194,6 +211,7 @@ __all__ = [
     "input_efforts",
     "inverse",
     "inverse_dynamics",
+    "largest_compliance",
     "leg_velocity",
     "load",
     "load_file",
@@ -215,12 +233,14 @@ __all__ = [
     "singularity_map",
     "singularity_set",
     "statics",
+    "stiffness",
     "structure",
     "symbolic_singularities",
     "task_path",
     "track",
     "transmission",
     "transmission_table",
+    "twist_maps",
     "velocity",
     "with_inertias",
 ]
