@@ -35,6 +35,7 @@ from closedchain.robots.rus6 import (
     inverse,
     j_beta,
     j_inputs,
+    j_inputs,
     j_q,
     j_x,
     pencil_margin,
@@ -270,6 +271,8 @@ def test_idle_beta_in_one_leg_is_no_singularity(
     for pose, _, legs in postures_with_tip(leg, tip, 12):
         assert abs(j_beta(legs)[leg]) < 1e-15
         assert abs(j_q(legs)[leg]) > 1e-3
+        alone = j_q(legs)[leg] * np.eye(7)[leg]  # of all inputs the leg's own moves it
+        assert np.abs(j_inputs(legs)[leg] - alone).max() < 1e-15
         for m in (coupled, locked, free):
             assert cc.classify(m, configuration(m, pose, legs)).kinds == REGULAR
         rest = cc.redundancy(coupled, configuration(coupled, pose, legs)).inputs[:, 0]
