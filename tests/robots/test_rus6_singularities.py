@@ -35,7 +35,6 @@ from closedchain.robots.rus6 import (
     inverse,
     j_beta,
     j_inputs,
-    j_inputs,
     j_q,
     j_x,
     pencil_margin,
