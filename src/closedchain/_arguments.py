@@ -66,6 +66,7 @@ def load_robot(
     import closedchain as cc
     from closedchain.closure.loading import located, mechanism_from_description
     from closedchain.robots import families
+    from closedchain.robots.examples import PREFIX, example_file
     from closedchain.urdf.files import describe_file
 
     how = _READING.get()
@@ -81,7 +82,7 @@ def load_robot(
                 "catalogue"
             )
         return cc.load(name, variant=variant, **parameters)
-    path = Path(name)
+    path = example_file(name) if name.startswith(PREFIX) else Path(name)
     if not path.is_file():
         if path.is_dir():
             raise DescriptionError(f"{name} is a folder, not a file of a robot")
@@ -113,14 +114,33 @@ def finite(values: Sequence[float], what: str) -> None:
 
 
 def number(text: str, what: str) -> float:
-    """Read a finite number. Raises ``BadArgumentError``."""
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
+    """Read a finite number; angles may be written as ``30deg`` or in terms of pi, as ``-3pi/2``.
+
+    Raises ``BadArgumentError``.
+    """
+    value = _value(text.strip())
     if not math.isfinite(value):
-        raise BadArgumentError(f"{what}: {text!r} is not a finite number")
+        raise BadArgumentError(
+            f"{what}: {text!r} is not a finite number (such as 0.3, 1e-2, 30deg or pi/2)"
+        )
     return value
+
+
+_PI = re.compile(r"(?P<sign>[+-]?)(?P<times>[0-9.]*)\*?pi(/(?P<over>[0-9.]+))?")
+
+
+def _value(text: str) -> float:
+    """Value of a number, or NaN where it is none."""
+    try:
+        if text.endswith("deg"):
+            return math.radians(float(text.removesuffix("deg")))
+        in_pi = _PI.fullmatch(text)
+        if in_pi is None:
+            return float(text)
+        size = float(in_pi["times"] or 1.0) * math.pi / float(in_pi["over"] or 1.0)
+        return -size if in_pi["sign"] == "-" else size
+    except (ValueError, ZeroDivisionError):
+        return math.nan
 
 
 def input_values(mechanism: Mechanism, words: Iterable[str], option: str = "") -> dict[str, float]:

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from closedchain._terminal import pairs, print_json, say, table
+from closedchain._terminal import pairs, print_json, remark, say, table
 
 if TYPE_CHECKING:
     import numpy as np
@@ -23,7 +23,7 @@ _WIDTH = 100  # of lines of prose
 
 def catalogue(json: bool) -> None:
     """Robots of the catalogue."""
-    from closedchain.robots import robot, robots
+    from closedchain.robots import families, family, robot, robots
 
     entries = [robot(name) for name in robots()]
     if json:
@@ -43,6 +43,10 @@ def catalogue(json: bool) -> None:
         ("robot", "title", "source", "variants"),
         [(e.name, e.title, e.source, " ".join(e.variants)) for e in entries],
     )
+    for name in families():
+        found = family(name)
+        count = sum(1 for _ in found.members())
+        remark(f"{name}: {found.title}, a family of {count}: closedchain list --family {name}")
 
 
 def members(name: str, json: bool) -> None:
@@ -244,6 +248,13 @@ def solution(mechanism: Mechanism, found: Solution, more: Mapping[str, list[str]
             for (name, value), unit in zip(data["inputs"].items(), units, strict=True)
         ],
     )
+    say("")
+    passive = {
+        name: " ".join(f"{x + 0.0:.6g}" for x in values.tolist())
+        for name, values in data["joints"].items()
+        if mechanism.model.idx_vs[mechanism.model.getJointId(name)] not in set(mechanism.input_v)
+    }
+    table(("passive joint", "value [m or rad]"), list(passive.items()))
     say("")
     facts: dict[str, object] = {}
     if data["tip"]:
