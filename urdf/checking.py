@@ -16,7 +16,14 @@ from closedchain.urdf._checks import (
     root_of,
     without_second_drives,
 )
-from closedchain.urdf.description import Description, Joint, JointRelation, LoopClosure
+from closedchain.urdf.description import (
+    Coupling,
+    Description,
+    Input,
+    Joint,
+    JointRelation,
+    LoopClosure,
+)
 from closedchain.urdf.errors import DescriptionError
 from closedchain.urdf.formats.missing_loops import are_loops_missing
 from closedchain.urdf.link_poses import moved
@@ -61,6 +68,7 @@ def checked(description: Description, shapes: Shapes = _NOTHING) -> Description:
             closures.append(closure)
     refuse_duplicates((*closures, *d.relations), "constraint")
     inputs = without_second_drives(d.inputs, notes)
+    couplings, inputs = _with_driven_leaders(couplings, inputs, notes)
     closed = bool(closures or d.relations)
     notes += are_loops_missing(d.links, d.joints, couplings, closed)
     found = replace(
@@ -72,6 +80,38 @@ def checked(description: Description, shapes: Shapes = _NOTHING) -> Description:
         notes=tuple(notes),
     )
     return replace(found, text=urdf_text(found, shapes))
+
+
+def _with_driven_leaders(
+    couplings: tuple[Coupling, ...], inputs: tuple[Input, ...], notes: list[str]
+) -> tuple[tuple[Coupling, ...], tuple[Input, ...]]:
+    """Couplings turned around where the follower is driven, as an input follows no other joint.
+
+    Where the leader is driven too, or follows a third joint, the input is noted and left out.
+    """
+    driven = {item.joint for item in inputs}
+    followers = {coupling.joint for coupling in couplings}
+    turned: list[Coupling] = []
+    lost: dict[str, str] = {}
+    for coupling in couplings:
+        if coupling.joint not in driven:
+            turned.append(coupling)
+        elif coupling.leader in driven | followers or coupling.multiplier == 0.0:
+            lost[coupling.joint] = coupling.leader
+            turned.append(coupling)
+        else:
+            ratio = 1.0 / coupling.multiplier
+            turned.append(
+                Coupling(coupling.leader, coupling.joint, ratio, -coupling.offset * ratio)
+            )
+            followers.add(coupling.leader)
+    notes += [
+        f"the input {item.name!r} is left out: its joint {item.joint!r} follows "
+        f"{lost[item.joint]!r}"
+        for item in inputs
+        if item.joint in lost
+    ]
+    return tuple(turned), tuple(item for item in inputs if item.joint not in lost)
 
 
 def with_held(joints: tuple[Joint, ...], held: Mapping[str, float]) -> tuple[Joint, ...]:

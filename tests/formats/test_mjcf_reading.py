@@ -172,6 +172,22 @@ def test_actuators_are_inputs() -> None:
     assert "1 tendons were not read: 't'" in text
 
 
+def test_a_driven_follower_leads() -> None:
+    """b = 2 a + 0.1 with a motor on b: then a follows, and b is the input."""
+    tied = """<equality><joint joint1="b" joint2="a" polycoef="0 2 0 0 0"/></equality><actuator>
+      <motor name="m" joint="b"/>{}</actuator>"""
+    m = cc.load_file(model(PAIR, tied.format("")))
+    (coupling,) = m.description.couplings
+    assert (coupling.joint, coupling.leader, coupling.multiplier) == ("a", "b", 0.5)
+    assert m.inputs == ("m",)
+    q = cc.close(m, fixed={"b": 0.4}).raise_if_failed().q
+    a, b = math.radians(20), math.radians(-10)
+    assert_close(q[0], a + (0.4 - b) / 2, 1e-12)
+    both = cc.load_file(model(PAIR, tied.format('<motor name="n" joint="a"/>')))
+    assert both.inputs == ("n",)
+    assert "the input 'm' is left out: its joint 'b' follows 'a'" in both.notes
+
+
 def test_an_actuator_of_a_tendon_moves_the_joint_that_the_others_follow() -> None:
     """As in a gripper whose two fingers are tied and driven by their sum."""
     split = """<tendon><fixed name="split"><joint joint="a" coef=".5"/><joint joint="b" coef=".5"/>
