@@ -49,7 +49,7 @@ class Robot:
 
 _D1 = Robot(
     name="d1",
-    title="D1 of the DeLiA family: 3-RPS + 3-RPS + 3-UPS, six inputs",
+    title="D1 of the DeLiA family (list --family delia): 3-RPS + 3-RPS + 3-UPS, six inputs",
     source="J. Gallardo-Alvarado, DeLiA: a new family of redundant robot manipulators, 2010",
     file="d1.xacro",
     up="y",

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from closedchain._terminal import pairs, print_json, remark, say, table
+from closedchain._terminal import pairs, print_json, say, table
 
 if TYPE_CHECKING:
     import numpy as np
@@ -23,7 +23,7 @@ _WIDTH = 100  # of lines of prose
 
 def catalogue(json: bool) -> None:
     """Robots of the catalogue."""
-    from closedchain.robots import families, family, robot, robots
+    from closedchain.robots import robot, robots
 
     entries = [robot(name) for name in robots()]
     if json:
@@ -43,10 +43,6 @@ def catalogue(json: bool) -> None:
         ("robot", "title", "source", "variants"),
         [(e.name, e.title, e.source, " ".join(e.variants)) for e in entries],
     )
-    for name in families():
-        found = family(name)
-        count = sum(1 for _ in found.members())
-        remark(f"{name}: {found.title}, a family of {count}: closedchain list --family {name}")
 
 
 def members(name: str, json: bool) -> None:
