@@ -22,7 +22,7 @@ import pinocchio as pin
 from closedchain.closure.closures import Closure, Coupling
 from closedchain.closure.joint_kinds import JOINT_KINDS
 from closedchain.closure.mechanism import Mechanism
-from closedchain.closure.tape.expression import Expr, Graph, Number
+from closedchain.closure.tape.expression import ZERO, Expr, Graph, Number
 from closedchain.closure.tape.vectors import (
     Pose,
     Vector,
@@ -413,7 +413,7 @@ def _from_z(axis: Sequence[float]) -> np.ndarray:
     a = np.array(axis, dtype=float)
     a /= np.linalg.norm(a)
     k = int(np.abs(a).argmax())
-    if abs(a[k]) == 1.0:
+    if np.abs(np.delete(a, k)).max() < ZERO:
         other = np.roll(np.eye(3)[k], 1)
         return np.stack([other, np.cross(a, other), a], axis=1)
     first = np.cross(a, np.eye(3)[int(np.abs(a).argmin())])
