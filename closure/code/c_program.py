@@ -217,6 +217,7 @@ class CProgram:
         whole = values.dtype.kind == "i"
         texts = [str(int(x)) if whole else self.real.signed(x) for x in values]
         kind = "int" if whole else "name_real"
+        texts = texts or ["0"]  # C has no empty arrays
         return [f"static const {kind} {name}[] = {{", *wrapped(texts), "};"]
 
     def _sentences(self) -> str:

@@ -147,6 +147,7 @@ static name_real name_value(const name_real *values, int count, int number)
     return number == 0 ? 1 : number > count ? 0 : values[number - 1];
 }
 
+#if NAME_DET_DIRECT || NAME_DET_INVERSE
 /* Determinant of a square matrix, overwritten; largest pivot of each column. */
 static name_real name_determinant(name_real *a, int size)
 {
@@ -237,6 +238,12 @@ static void name_determinants(name_work *w, name_measures *found)
 #else
     found->det_inverse = name_abs(found->det_inverse);
 #endif
+}
+#endif
+#else
+static void name_determinants(const name_work *w, const name_measures *found)
+{
+    (void)w, (void)found;
 }
 #endif
 

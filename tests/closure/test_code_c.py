@@ -249,6 +249,26 @@ def test_names_of_strangers_are_comments(tmp_path: Path) -> None:
 
 
 @needs_cc
+@pytest.mark.parametrize("inputs", ["a b", "a b c", "a", ""])
+def test_open_chains_with_more_or_less_driven(inputs: str, tmp_path: Path) -> None:
+    parts = [joint("a", "base", "one"), joint("b", "one", "two", "1 0 0")]
+    parts.append(joint("c", "two", "three", "1 0 0"))
+    task = '<task base="base" tip="three" outputs="x y"/>'
+    m = build("base one two three", parts, {"b": 0.5}, inputs=inputs, task=task)
+    robot = Library.of(m, tmp_path)
+    pose = pin.SE3ToXYZQUAT(m.pose(np.array([0.2, 0.7, 0.0])))
+    code, q = robot.solve("inverse", pose)
+    assert code == Ending.ARRIVED.code
+    assert_close(m.pose(q).translation[:2], pose[:2], AGREE)
+    if inputs:
+        code, _, (direct, inverse, *dets) = robot.measured(m.home)
+        known = cc.classify(m, m.home)
+        assert code == (Ending.SINGULAR if inputs == "a" else Ending.ARRIVED).code
+        assert_close([direct, inverse], [known.sigma_direct, known.sigma_inverse], AGREE)
+        assert_close(dets, [known.det_direct or 0.0, known.det_inverse or 0.0], AGREE)
+
+
+@needs_cc
 def test_without_a_task_only_the_direct_problem(tmp_path: Path) -> None:
     parts = [joint("a", "base", "one"), joint("b", "one", "two", "1 0 0")]
     m = build("base one two", parts, {}, inputs="a b")
