@@ -1,6 +1,7 @@
 """SDF graphs: where things are, which joints are cut, what is refused by name."""
 
 import math
+import re
 
 import numpy as np
 import pinocchio as pin
@@ -181,6 +182,24 @@ def test_a_platform_on_balls_is_placed_by_a_floating_joint() -> None:
     assert [c.kind for c in m.closures] == ["spherical"] * 2
     assert cc.mobility(m).mobility == 1
     assert_close(m.home[:3], [0.0, 0.0, 1.0], 0.0)
+
+
+def test_ball_constraints_of_drake() -> None:
+    ends = "".join(
+        f"<d:ball_constraint_body_{end}>{name}</d:ball_constraint_body_{end}>"
+        f"<d:ball_constraint_p_{point}>{x} 0 0</d:ball_constraint_p_{point}>"
+        for end, point, name, x in (("A", "AP", "rod", COUPLER), ("B", "BQ", "rocker", ROCKER))
+    )
+    ball = f"<d:ball_constraint>{ends}</d:ball_constraint>"
+    text = re.sub(r'<joint name="P".*?</joint>', ball, four_bar(), flags=re.S)
+    text = text.replace("<model", '<model xmlns:d="drake.mit.edu"')
+    m = cc.load_file(text.replace("</model>", "<d:proximity/></model>"))
+    assert [(c.name, c.kind) for c in m.closures] == [("ball", "spherical")]
+    assert cc.mobility(m).mobility == 1
+    assert_close(m.home, [0.0, 0.0, 0.0], 1e-9)
+    assert "<d:proximity> was not read" in m.notes
+    with pytest.raises(DescriptionError, match="did you mean 'rocker'"):
+        cc.load_file(text.replace(">rocker</d:", ">rokcer</d:"))
 
 
 def test_the_base() -> None:

@@ -22,6 +22,7 @@ from closedchain.urdf.description import (
     Link,
 )
 from closedchain.urdf.errors import DescriptionError, known_names
+from closedchain.urdf.formats.sdf.drake import BALL, ball_constraints
 from closedchain.urdf.formats.sdf.frames import MODEL, WORLD, Frames
 from closedchain.urdf.formats.sdf.gearbox import gear_relation
 from closedchain.urdf.formats.sdf.graph import Edge, EdgeKind, spanned
@@ -37,6 +38,7 @@ from closedchain.urdf.formats.sdf.text_values import (
     pose_in,
     word,
 )
+from closedchain.urdf.formats.substitution import local_name
 from closedchain.urdf.poses import inverse, origin_of, vector
 
 if TYPE_CHECKING:
@@ -102,7 +104,7 @@ def read(text: str) -> Description:
         root=root,
         links=tuple(links),
         joints=tuple(joints),
-        closures=fresh_closures(tuple(found.closures)),
+        closures=fresh_closures((*found.closures, *ball_constraints(model, bodies))),
         couplings=tuple(_shifted(c, found.home) for c in couplings),
         relations=(*found.relations, *roles.relations, *_of_tree(gears, joints, notes)),
         inputs=inputs,
@@ -147,9 +149,12 @@ def _version(model: Element) -> tuple[int, ...]:
 def _read_over(model: Element) -> list[str]:
     tags: dict[str, int] = {}
     for element in model:
-        own = isinstance(element.tag, str) and etree.QName(element).namespace == NAMESPACE
-        if not own and element.tag not in _READ:
-            tags[element.tag] = tags.get(element.tag, 0) + 1
+        if not isinstance(element.tag, str) or etree.QName(element).namespace == NAMESPACE:
+            continue
+        local = local_name(element)
+        if element.tag not in _READ and local != BALL:
+            tag = f"{element.prefix}:{local}" if element.prefix else local
+            tags[tag] = tags.get(tag, 0) + 1
     return [
         f"<{tag}> was not read" if count == 1 else f"{count} elements <{tag}> were not read"
         for tag, count in tags.items()
