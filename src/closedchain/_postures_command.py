@@ -42,6 +42,10 @@ def postures(
     certificate: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Write what is proved, as JSON.")
     ] = None,
+    html: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Write a page of the robot that goes to each of them."),
+    ] = None,
     settings: Settings = None,
     variant: Variant = None,
     no_xacro: NoXacro = False,
@@ -65,6 +69,9 @@ def postures(
     if certificate is not None:
         certificate.write_text(text.dumps(found.certificate(mechanism), indent=1) + "\n")
         remark(f"written to {certificate}")
+    if html is not None:
+        html.write_text(_page(robot, mechanism, found), encoding="utf-8")
+        remark(f"written to {html}")
     if json:
         print_json({"robot": mechanism.name, "inputs": mechanism.inputs, **_data(found)})
         return
@@ -82,6 +89,16 @@ class _Told:
         if what != self.last:
             remark(f"{what} ...")
             self.last = what
+
+
+def _page(robot: str, mechanism: Mechanism, found: Postures) -> str:
+    """Page of the first posture, or of home where there is none, that goes to all of them."""
+    from closedchain.robots.viewer import Controls, static_page
+
+    places = dict(zip(found.names, found.q, strict=True))
+    start = found.q[0] if found.count else mechanism.home
+    up = arguments.up_axis(robot)
+    return static_page(mechanism, start, up=up, controls=Controls(places=places))
 
 
 def _held(
