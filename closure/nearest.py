@@ -59,8 +59,8 @@ def close(
         ``converged`` says that all loops close, held joints and placed bodies included, and that
         no cut joint is mirrored. The message states how far fitted points remain from their goals.
         A guess that is closed as asked is never left for a posture that is closed less well. Where
-        no descent from the guess closes, starts elsewhere are tried, the same ones every time; that
-        none closes is a numerical verdict.
+        no descent from the guess closes, starts elsewhere are tried, the same ones every time, for
+        postures within the joint limits; that none closes is a numerical verdict.
 
     Raises
     ------
@@ -205,7 +205,7 @@ def _proper(mechanism: Mechanism, found: Descent) -> bool:
 def _searched(
     equations: Equations, found: Descent, guess: np.ndarray, n_points: int
 ) -> tuple[Equations, Descent]:
-    """Close from elsewhere what descent from the guess left open, or closed with a mirrored joint.
+    """Close from elsewhere, and within limits, what stays open or mirrored beside the guess.
 
     Descent ends where rows are least around, as at a guess just opposite to what is asked for. So
     it starts again where the loops close without the held joints, then from around the guess, then
@@ -219,7 +219,7 @@ def _searched(
     for start in _elsewhere(hard, guess):
         within, there = _descended(hard, start)
         spent += there.evaluations
-        if _proper(mechanism, there):
+        if _proper(mechanism, there) and not beyond_limits(mechanism, there.q):
             again = replace(equations, within=within.within)
             there = descend(again, there.q) if n_points else there
             return again, replace(there, evaluations=found.evaluations + spent)
