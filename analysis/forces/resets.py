@@ -17,12 +17,15 @@ from numpy.typing import ArrayLike
 
 from closedchain.analysis.forces.arranging import arranged, column_names
 from closedchain.analysis.forces.random_motions import random_motions
-from closedchain.closure.chart import Chart
+from closedchain.closure.chart import Chart, joint_index, joint_names
 from closedchain.closure.charting import chart_of
+from closedchain.closure.generic import dimensionless_jacobian
 from closedchain.closure.mechanism import Mechanism
+from closedchain.closure.ranks import null_space, numerical_rank
 from closedchain.closure.solve.control import CLOSED
 from closedchain.closure.solve.outcome import Ending
 from closedchain.closure.solve.path import follower_of
+from closedchain.closure.solve.samples import closed_samples
 from closedchain.urdf.errors import ClosureError
 
 if TYPE_CHECKING:
@@ -36,6 +39,7 @@ POOL = 2048
 SMALLEST = 0.02
 """Share of a way below which a sub-step is not cut any further: ways are short, and those that
 lead nowhere would be cut finely."""
+INDEPENDENT = 1e-3  # share of the largest singular value that an independent coordinate adds
 TRIES = 200
 """Draws for each state that is asked for, at most."""
 
@@ -137,7 +141,8 @@ def resets(
     over : mapping of coordinate to (lower, upper), optional
         Coordinates drawn evenly, of inputs, joints and the tip as in maps; the others stay as at
         the start. None for a range: half a radian or characteristic length to both sides of the
-        start, within the joint's limits. All inputs by default, so.
+        start, within the joint's limits. By default all inputs that do not depend on each other,
+        and joints for the freedoms that they leave, so.
     start : name, (nq,) or (k, nq) array, optional
         Posture whose branch is meant, or several: then each state is on the branch of one of
         them, all alike. Home by default.
@@ -157,9 +162,9 @@ def resets(
         raise ClosureError(f"n must be a whole number from 1 on, got {n!r}")
     if not (np.isfinite(speed) and speed >= 0.0):
         raise ClosureError(f"speed must not be negative, got {speed}")
-    names = tuple(mechanism.inputs if over is None else over)
+    names = independent_joints(mechanism) if over is None else tuple(over)
     if not names:
-        raise ClosureError("no coordinate to draw: the mechanism has no inputs, give over={...}")
+        raise ClosureError("no coordinate to draw: no joint of one freedom moves, give over={...}")
     starts = _starts(mechanism, start)
     rng = np.random.default_rng(seed)
     counts = np.bincount(rng.integers(len(starts), size=n), minlength=len(starts))
@@ -272,6 +277,23 @@ class _Draw:
         good = way.started & (way.codes == Ending.ARRIVED.code)
         good &= (residual < CLOSED) & (sense >= 0.0) & (facing >= 0.0) & (within >= 0.0)
         return way.q, residual, good
+
+
+def independent_joints(mechanism: Mechanism) -> tuple[str, ...]:
+    """Inputs, then other joints of one freedom, each independent of those before it."""
+    samples = closed_samples(mechanism)
+    motions = min(
+        (null_space(dimensionless_jacobian(mechanism, q))[0] for q in reversed(samples)),
+        key=lambda basis: basis.shape[1],
+    )
+    chosen: list[str] = []
+    columns: list[int] = []
+    for name in joint_names(mechanism):
+        column = joint_index(mechanism, name)[1]
+        if numerical_rank(motions[[*columns, column]], INDEPENDENT).value > len(columns):
+            chosen.append(name)
+            columns.append(column)
+    return tuple(chosen)
 
 
 def _starts(mechanism: Mechanism, start: str | ArrayLike | None) -> np.ndarray:

@@ -66,6 +66,16 @@ def test_tip_coordinates_and_held_inputs() -> None:
     assert_close(one.q[:, m.input_q[[0, 2]]], np.tile(home[[0, 2]], (20, 1)), 1e-12)
 
 
+def test_spare_and_missing_inputs() -> None:
+    """One of two inputs of a four-bar is drawn; without inputs a joint is."""
+    spare = cc.resets(four_bar({"q1": "A", "q2": "D"}), 20)
+    assert spare.names == ("q1",)
+    assert spare.residual < 1e-12
+    free = cc.resets(four_bar({}), 20)
+    assert free.names == ("A",)
+    assert np.ptp(free.q[:, 0]) > 0.2
+
+
 def test_velocities_point_everywhere_alike() -> None:
     """The four-bar's motions are multiples of one: the projection of a Gaussian is a Gaussian."""
     m = four_bar()
