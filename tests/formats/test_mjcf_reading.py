@@ -266,6 +266,12 @@ def test_numbers_that_are_none_are_refused(
     assert list(tmp_path.iterdir()) == []
 
 
+def test_an_old_mujoco_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(mujoco, "__version__", "3.9.1")
+    with pytest.raises(DescriptionError, match=r"MuJoCo 3\.9\.1 is too old .* 3\.17 or later"):
+        cc.load_file("<mujoco/>")
+
+
 def test_without_mujoco_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "mujoco", None)
     with pytest.raises(DescriptionError, match=r"pip install 'closedchain\[mjcf\]'"):

@@ -19,6 +19,9 @@ import numpy as np
 from closedchain.urdf.elements import LARGEST
 from closedchain.urdf.errors import DescriptionError
 
+_OLDEST = (3, 17)
+"""Version of MuJoCo that reading is tested with, besides the newest."""
+
 TINY_MASS = 1e-12
 """[kg] and [kg m^2] of bodies that have none: MuJoCo compiles no moving body without."""
 
@@ -76,7 +79,8 @@ def compile_text(text: str, file: str | None) -> Compiled:
     Raises
     ------
     DescriptionError
-        The package mujoco is missing, or MuJoCo refuses the file; its words are repeated.
+        The package mujoco is missing or too old, or MuJoCo refuses the file; its words are
+        repeated.
     """
     try:
         import mujoco
@@ -84,6 +88,12 @@ def compile_text(text: str, file: str | None) -> Compiled:
         raise DescriptionError(
             "MJCF is read by MuJoCo, which is not installed: pip install 'closedchain[mjcf]'"
         ) from None
+    version = str(mujoco.__version__)
+    if tuple(int(part) for part in version.split(".")[:2]) < _OLDEST:
+        raise DescriptionError(
+            f"MuJoCo {version} is too old to read MJCF with; {'.'.join(map(str, _OLDEST))} or later "
+            "is needed: pip install 'closedchain[mjcf]'"
+        )
     warned: list[str] = []
     try:
         with _warnings_in(mujoco, warned):
