@@ -91,8 +91,8 @@ def compile_text(text: str, file: str | None) -> Compiled:
     version = str(mujoco.__version__)
     if tuple(int(part) for part in version.split(".")[:2]) < _OLDEST:
         raise DescriptionError(
-            f"MuJoCo {version} is too old to read MJCF with; {'.'.join(map(str, _OLDEST))} or later "
-            "is needed: pip install 'closedchain[mjcf]'"
+            f"MuJoCo {version} is too old to read MJCF with; {'.'.join(map(str, _OLDEST))} or "
+            "later is needed: pip install 'closedchain[mjcf]'"
         )
     warned: list[str] = []
     try:
