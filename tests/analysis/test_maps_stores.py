@@ -180,6 +180,17 @@ def test_forged_states_are_refused(ask: Ask, store: Path, forged: dict[str, Any]
     ]
 
 
+@pytest.mark.parametrize("forged", [{"held": 3}, {"held": {"q3": "x"}}, {"start": ["a"] * 12}, []])
+def test_forged_requests_are_refused(ask: Ask, store: Path, forged: Any) -> None:
+    path = store / "zarr.json"
+    kept = json.loads(path.read_text())
+    request = kept["attributes"]["request"]
+    kept["attributes"]["request"] = request | forged if isinstance(forged, dict) else forged
+    path.write_text(json.dumps(kept))
+    with pytest.raises(cc.ClosureError, match=r"holds another map: .* differs|holds no map"):
+        ask(save=store)
+
+
 def test_forged_lists_are_refused(ask: Ask, store: Path) -> None:
     import zlib
 

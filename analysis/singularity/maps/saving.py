@@ -207,12 +207,15 @@ def _check_same(folder: Path, old: dict[str, Any], new: dict[str, Any]) -> None:
 
 
 def _same(name: str, old: Any, new: Any) -> bool:
-    if name == "start":
+    if name not in ("start", "held"):
+        return bool(old == new)
+    try:
+        if name == "held":
+            return set(old) == set(new) and all(abs(old[k] - new[k]) <= _SAME_START for k in new)
         close = np.shape(old) == np.shape(new)
         return close and bool(np.abs(np.subtract(old, new)).max(initial=0.0) <= _SAME_START)
-    if name == "held":
-        return set(old) == set(new) and all(abs(old[k] - new[k]) <= _SAME_START for k in new)
-    return bool(old == new)
+    except (TypeError, ValueError):  # it is not what a run of ours writes
+        return False
 
 
 def _complete(folder: Path, job: Job, store: Store) -> None:
