@@ -295,9 +295,12 @@ def _known_coordinate(mechanism: Mechanism, name: str, option: str) -> None:
         raise BadArgumentError(f"{option}: {known_names(name, 'coordinate', known)}")
 
 
-def all_inputs(mechanism: Mechanism, given: Mapping[str, float]) -> dict[str, float]:
-    """Values of all inputs: those given, else those of home."""
-    home = zip(mechanism.inputs, mechanism.input_values(mechanism.home), strict=True)
+def all_inputs(
+    mechanism: Mechanism, given: Mapping[str, float], mode: str | None = None
+) -> dict[str, float]:
+    """Values of all inputs: those given, else those of home, or of another named posture."""
+    start = mechanism.home if mode is None else mechanism.posture(mode)
+    home = zip(mechanism.inputs, mechanism.input_values(start), strict=True)
     return {name: given.get(name, float(value)) for name, value in home}
 
 

@@ -124,6 +124,7 @@ def info(
 def direct(
     robot: Robot,
     values: Values = None,
+    mode: Mode = None,
     settings: Settings = None,
     variant: Variant = None,
     no_xacro: NoXacro = False,
@@ -132,7 +133,7 @@ def direct(
     """Direct position problem: tip pose for given inputs, on the assembly of home."""
     mechanism = _load(robot, settings, variant, no_xacro)
     given = arguments.input_values(mechanism, values or ())
-    solution = _direct(mechanism, given)
+    solution = _direct(mechanism, given, mode)
     at_home = [name for name in mechanism.inputs if name not in given]
     _answer(mechanism, solution, json, at_home=at_home)
 
@@ -153,6 +154,7 @@ def inverse(
         ),
     ] = None,
     outputs: Outputs = None,
+    mode: Mode = None,
     settings: Settings = None,
     variant: Variant = None,
     no_xacro: NoXacro = False,
@@ -171,10 +173,11 @@ def inverse(
     if xyz is None and rpy is None:
         fail("inverse needs --xyz, --rpy or both")
     arguments.finite((*(xyz or ()), *(rpy or ())), "tip pose")
-    pose = mechanism.pose(mechanism.home)
+    start = mechanism.home if mode is None else mechanism.posture(mode)
+    pose = mechanism.pose(start)
     rotation = pose.rotation if rpy is None else pin.rpy.rpyToMatrix(*rpy)
     pose = pin.SE3(rotation, pose.translation if xyz is None else np.array(xyz))
-    solution = cc.inverse(mechanism, pose, outputs=outputs)
+    solution = cc.inverse(mechanism, pose, start, outputs)
     _answer(mechanism, solution, json, outputs=list(mechanism.outputs(outputs)))
 
 
@@ -184,6 +187,7 @@ def classify(
     robot: Robot,
     values: Values = None,
     outputs: Outputs = None,
+    mode: Mode = None,
     settings: Settings = None,
     variant: Variant = None,
     no_xacro: NoXacro = False,
@@ -193,7 +197,7 @@ def classify(
     import closedchain as cc
 
     mechanism = _load(robot, settings, variant, no_xacro)
-    found = _posture(mechanism, values)
+    found = _posture(mechanism, values, mode)
     reports.classification(mechanism, found, cc.classify(mechanism, found, outputs), json)
 
 
@@ -212,6 +216,7 @@ def view(
     up: Annotated[
         str | None, typer.Option(metavar="x|y|z", help="World axis that points up.")
     ] = None,
+    mode: Mode = None,
     settings: Settings = None,
     variant: Variant = None,
     no_xacro: NoXacro = False,
@@ -223,7 +228,7 @@ def view(
     mechanism = _load(robot, settings, variant, no_xacro)
     for note in reports.undrawn(mechanism):
         remark(note)
-    q = _posture(mechanism, values)
+    q = _posture(mechanism, values, mode)
     if html is not None:
         html.write_text(static_page(mechanism, q, up=upwards, controls=True), encoding="utf-8")
         say(str(html))
@@ -350,28 +355,19 @@ def _load(robot: str, settings: list[str] | None, variant: str | None, no_xacro:
     return arguments.load_robot(robot, settings or (), variant, xacro=not no_xacro)
 
 
-def _direct(mechanism: Mechanism, given: dict[str, float]) -> Solution:
+def _direct(mechanism: Mechanism, given: dict[str, float], mode: str | None) -> Solution:
     import closedchain as cc
 
-    return cc.direct(mechanism, arguments.all_inputs(mechanism, given))
+    start = mechanism.home if mode is None else mechanism.posture(mode)
+    return cc.direct(mechanism, arguments.all_inputs(mechanism, given, mode), start)
 
 
-def _posture(mechanism: Mechanism, values: list[str] | None) -> Any:
-    """Configuration with the given inputs, home where there are none.
-
-    The way of the inputs may end at a direct singularity that has these very inputs.
-    """
-    import closedchain as cc
-
+def _posture(mechanism: Mechanism, values: list[str] | None, mode: str | None) -> Any:
+    """Configuration with the given inputs, that of the mode where there are none."""
     if not values:
-        return mechanism.home
+        return mechanism.home if mode is None else mechanism.posture(mode)
     given = arguments.input_values(mechanism, values)
-    solution = _direct(mechanism, given)
-    if not solution.converged and mechanism.task is not None:
-        end = cc.close(mechanism, solution.q, fixed=arguments.all_inputs(mechanism, given))
-        if end.converged and "direct" in cc.classify(mechanism, end.q).kinds:
-            return end.q
-    return solution.raise_if_failed().q
+    return _direct(mechanism, given, mode).raise_if_failed().q
 
 
 def _answer(mechanism: Mechanism, solution: Solution, json: bool, **more: list[str]) -> None:

@@ -52,3 +52,17 @@ def test_angles_in_degrees_and_passive_joints() -> None:
 
 def test_the_list_names_the_family() -> None:
     assert "(list --family delia)" in run("list").stdout
+
+
+def test_commands_take_a_mode() -> None:
+    one = json.loads(run("direct", "eclipse", "--mode", "-+-", "--json").stdout)
+    home = json.loads(run("direct", "eclipse", "--json").stdout)
+    assert one["converged"]
+    assert one["q"] != home["q"]
+    tip = [str(x) for x in one["tip"]["xyz"]]
+    back = json.loads(run("inverse", "eclipse", "--mode", "-+-", "--xyz", *tip, "--json").stdout)
+    assert back["inputs"] == pytest.approx(one["inputs"], abs=1e-9)
+    assert run("classify", "eclipse", "--mode", "-+-").exit_code == 0
+    unknown = run("classify", "eclipse", "--mode", "up")
+    assert unknown.exit_code == 1
+    assert "unknown posture 'up'" in unknown.stderr
