@@ -54,6 +54,8 @@ def immovable(mechanism: Mechanism, q: np.ndarray) -> str:
     """Why a page has nothing to move, in a sentence; empty where it has."""
     if not mechanism.inputs and mechanism.task is None:
         return "nothing can be moved here: there are no inputs and no task"
+    if mechanism.home_open:
+        return "nothing can be moved here: the loops are open at home"
     if mechanism.rows and np.abs(mechanism.workspace.residual(q)).max() > 1e-6:
         return "nothing can be moved here: the loops are open"
     return ""

@@ -53,7 +53,7 @@ def export_code(
     ------
     ClosureError
         Unknown language, number, outputs, a name that is none, or a mechanism with neither inputs
-        nor a task.
+        nor a task, or with an open home.
     """
     if language not in LANGUAGES:
         raise ClosureError(f"code can be written in {' or '.join(LANGUAGES)}, not in {language!r}")
@@ -65,6 +65,7 @@ def export_code(
             f"{mechanism.name!r} has neither inputs (<transmission>) nor a <task>: there is no "
             "position problem to write down"
         )
+    mechanism.closed_home()
     real, precision = NUMBERS[number]
     names = () if mechanism.task is None and outputs is None else mechanism.outputs(outputs)
     program = Program(mechanism, precision, names)

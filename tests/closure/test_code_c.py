@@ -17,6 +17,7 @@ from small_linkages import build, joint, loop
 import closedchain as cc
 from closedchain.closure.code.program import ENDINGS
 from closedchain.closure.solve.outcome import Ending
+from closedchain.robots.viewer import static_page
 
 needs_cc = pytest.mark.skipif(CC is None, reason="no gcc here")
 ROBOTS = ("d1", "rpa3t")  # all rows independent; redundant ones
@@ -293,6 +294,16 @@ def test_requests_that_make_no_sense() -> None:
         cc.export_code(m, "c", name="two words")
     with pytest.raises(cc.ClosureError, match="neither inputs"):
         cc.export_code(build("base one", [joint("a", "base", "one")], {}), "c")
+
+
+def test_open_homes_are_refused() -> None:
+    text = four_bar().description.text.replace('xyz="2.5 0 0"', 'xyz="25 0 0"')
+    m = cc.load_urdf(text, xacro=False)
+    assert m.home_open
+    with pytest.raises(cc.ClosureError, match="needs a closed home"):
+        cc.export_code(m, "c")
+    page = static_page(m, controls=True)
+    assert "nothing can be moved here: the loops are open at home" in page
 
 
 def test_codes_are_documented() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import html
 import json
 import re
+import urllib.request
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,7 @@ from closedchain.robots.viewer import (
     Controls,
     Plane,
     PostureSeries,
+    serve,
     static_page,
 )
 
@@ -302,6 +304,18 @@ def test_pages_without_anything_to_move_say_so() -> None:
     motion = Animation(np.zeros((2, 2)), [0.0, 1.0])
     with pytest.raises(cc.ClosureError, match="not both"):
         static_page(m, animation=motion, controls=True)
+
+
+def test_it_is_served_at_a_port_of_its_own(delta: cc.Mechanism) -> None:
+    with serve(delta, controls=True) as first:
+        port = int(first.url.rstrip("/").rpartition(":")[2])
+        assert first.url.startswith("http://127.0.0.1:")
+        with pytest.raises(OSError, match="in use"):
+            serve(delta, controls=True, port=port)
+    with serve(delta, controls=True, port=port) as second:
+        assert second.url == first.url
+        with urllib.request.urlopen(second.url, timeout=10) as answer:
+            assert b"globalThis.instrument" in answer.read()
 
 
 def test_pages_are_whole_files(delta: cc.Mechanism) -> None:
