@@ -269,13 +269,14 @@ class Mechanism:
     # -- reading a posture -----------------------------------------------------------------------
 
     def configuration(self, q: ArrayLike) -> np.ndarray:
-        """Check a configuration: (nq,) finite numbers with unit quaternions.
+        """Check a configuration: (nq,) finite numbers with unit quaternions, or what has such a q.
 
         Raises
         ------
         ClosureError
             Wrong shape, NaN or infinite entries, or a quaternion that is not normalised.
         """
+        q = getattr(q, "q", q)  # of a solution
         array = finite_vector(q, self.model.nq, "configuration q", "nq")
         if self._quaternions:
             numbers = array.tolist()
@@ -294,6 +295,7 @@ class Mechanism:
 
     def configurations(self, q: ArrayLike) -> np.ndarray:
         """Check one configuration (nq,) or many (n, nq). Raises ``ClosureError``."""
+        q = getattr(q, "q", q)
         if np.ndim(q) == 2:
             if self._are_fine(array := np.array(q)):
                 return array

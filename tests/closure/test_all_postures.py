@@ -66,7 +66,8 @@ def test_each_is_a_solution_that_solvers_take() -> None:
     found = cc.postures(m, inputs=[0.3], count=False)
     for name, one in zip(found.names, found, strict=True):
         assert np.array_equal(one.q, found[name].q)
-        again = cc.direct(m, [0.35], guess=one.q)
+        again = cc.direct(m, [0.35], guess=one)
+        assert np.array_equal(again.q, cc.direct(m, [0.35], guess=one.q).q)
         assert again.converged
         assert np.abs(again.q - one.q).max() < 0.3
         assert cc.classify(m, one.q).kinds == frozenset()
