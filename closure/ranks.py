@@ -9,6 +9,9 @@ import numpy as np
 RANK_TOLERANCE = 1e-9
 """Singular values below this share of the largest count as zero. Matrices are scaled first."""
 
+NOISE = 1e-14
+"""Singular values below it are rounding in any matrix that is scaled, however small it is."""
+
 
 @dataclass(frozen=True)
 class Rank:
@@ -37,9 +40,9 @@ class Rank:
 
 def rank_of_singular_values(s: np.ndarray, tolerance: float = RANK_TOLERANCE) -> Rank:
     """Rank decision from singular values ``s`` in falling order, relative to the largest."""
-    if s.size == 0 or s[0] == 0.0:
+    if s.size == 0:
         return Rank(0, 0.0, 0.0)
-    return rank_above(s, tolerance * float(s[0]))
+    return rank_above(s, max(tolerance * float(s[0]), NOISE))
 
 
 def rank_above(s: np.ndarray, floor: float) -> Rank:

@@ -43,7 +43,7 @@ def misfit(equations: Equations, spots: Sequence[Settled]) -> Misfit:
             missed = max(missed, largest(values[others]))
         above = min(above, float(spot.values[rank - 1]) if rank else np.inf)
         below = max(below, float(spot.values[rank]) if rank < spot.values.size else 0.0)
-    return Misfit(kept, Rank(rank, above, below), missed)
+    return Misfit(kept, Rank(rank, above if rank else 0.0, below), missed)
 
 
 def _kept_closed(equations: Equations, q: np.ndarray, kept: Sequence[int]) -> np.ndarray | None:

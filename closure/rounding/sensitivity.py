@@ -14,6 +14,9 @@ from closedchain.closure.tree import se3, z_onto
 from closedchain.urdf.description import Joint, LoopClosure, Origin, Vector3
 from closedchain.urdf.digits import Number
 
+_STEP = 1e-6  # of a difference
+_OPPOSED = -1.0 + 1e-6  # z of an axis that is nearly opposite
+
 
 @dataclass(frozen=True, eq=False)
 class _JointNumbers:
@@ -109,14 +112,28 @@ def _of_closure(
         side = 0 if number.part.startswith("parent") else 1
         origin = (spec.parent_origin, spec.child_origin)[side]
         axis = (spec.parent_axis, spec.child_axis)[side]
-        # a turn of the axis is the least one; what turns about the axis itself is left out
-        twist = (
-            _turn(axis, number.index)
-            if number.part.endswith("axis")
-            else _of_origin(origin, [number.index])[:, 0]
-        )
-        found[side, :, k] = z_onto(axis).toActionMatrixInverse() @ twist
+        onto = z_onto(axis).toActionMatrixInverse()
+        if number.part.endswith("axis"):
+            found[side, :, k] = _of_axis(axis, number.index)
+        else:
+            found[side, :, k] = onto @ _of_origin(origin, [number.index])[:, 0]
     return found[0], found[1]
+
+
+def _of_axis(axis: Vector3, index: int) -> np.ndarray:
+    """Twist (6,) of the frame whose z is taken onto an axis, in itself, by x y z of the axis.
+
+    By differences: the frame turns about its own axis too.
+    """
+    here = z_onto(axis)
+    twist = np.zeros(6)
+    if axis[2] < _OPPOSED:  # where that is not continuous, only the least turn counts
+        return np.asarray(here.toActionMatrixInverse() @ _turn(axis, index))
+    for sign in (1.0, -1.0):
+        moved = np.array(axis) + sign * _STEP * np.eye(3)[index]
+        x, y, z = moved / np.linalg.norm(moved)
+        twist += sign * pin.log6(here.actInv(z_onto((x, y, z)))).vector / (2.0 * _STEP)
+    return twist
 
 
 def _turn(axis: Vector3, index: int) -> np.ndarray:

@@ -46,6 +46,11 @@ class Settled:
     values: np.ndarray
 
     @property
+    def size(self) -> float:
+        """Size that singular values are judged by: 1, or that of the largest."""
+        return max(1.0, float(self.values.max(initial=0.0)))
+
+    @property
     def open(self) -> float:
         """Largest dimensionless row."""
         return float(np.abs(self.rows).max(initial=0.0))

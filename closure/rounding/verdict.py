@@ -112,12 +112,17 @@ def _nearly_closed(asked: _Question) -> np.ndarray | None:
     """Posture (nq,) whose rows are open by no more than the tolerance, beside home if there is."""
     equations, home = asked.equations, asked.printed.home
     alone, free = equations.mechanism, equations.free
+    if _near_enough(asked, alone, home, equations.residual(home) / equations.row_scale):
+        return home
     for start in (*scattered(alone, home, free), *turned(alone, home, free)):
         near = descend(equations, start, floor=asked.share)
-        near_enough = largest(near.values / equations.row_scale) <= asked.share
-        if near_enough and not flipped_axes(alone, near.q):
+        if _near_enough(asked, alone, near.q, near.values / equations.row_scale):
             return near.q
     return None
+
+
+def _near_enough(asked: _Question, alone: Mechanism, q: np.ndarray, rows: np.ndarray) -> bool:
+    return largest(rows) <= asked.share and not flipped_axes(alone, q)
 
 
 def _along(asked: _Question, start: np.ndarray) -> Iterator[tuple[list[Settled], int]]:
@@ -125,28 +130,26 @@ def _along(asked: _Question, start: np.ndarray) -> Iterator[tuple[list[Settled],
     equations, share = asked.equations, asked.share
     values, matrix = equations.evaluate(start)
     s = np.linalg.svd(matrix, compute_uv=False)
-    rank = int((s > share * s.max(initial=0.0)).sum())
+    rank = int((s > share * max(1.0, s.max(initial=0.0))).sum())
     tried = 0
     while rank < values.size and rank <= equations.free.size and tried < _RANKS:
-        spots = spread(equations, start, rank, share, POSTURES) if rank else []
+        spots = spread(equations, start, rank, share, POSTURES)
         higher = max((_count(spot, share) for spot in spots), default=rank)
         if higher > rank:  # the start is special: elsewhere more rows are independent
             rank = higher
             continue
         if spots:
             yield spots, rank
-        elif not rank:
-            return
         rank, tried = rank + 1, tried + 1
 
 
 def _count(spot: Settled, share: float) -> int:
-    return int((spot.values > share * spot.values[0]).sum())
+    return int((spot.values > share * spot.size).sum())
 
 
 def _doubtful(spots: Sequence[Settled], rank: int) -> bool:
     """Whether rounding may be at work: rows that stay open, or small singular values."""
-    small = [float(s.values[rank] / s.values[0]) for s in spots if rank < s.values.size]
+    small = [float(s.values[rank] / s.size) for s in spots if rank < s.values.size]
     return max(small, default=0.0) > RANK_TOLERANCE or max(spot.open for spot in spots) > _DOUBT
 
 

@@ -15,7 +15,7 @@ import pinocchio as pin
 
 from closedchain.closure.closures import Closure
 from closedchain.closure.mechanism import Mechanism
-from closedchain.closure.ranks import independent_rows
+from closedchain.closure.ranks import NOISE, independent_rows
 from closedchain.closure.solve.samples import closed_samples
 from closedchain.closure.tape.elimination import Elimination, eliminate
 from closedchain.closure.tape.expression import Expr, Graph
@@ -134,7 +134,7 @@ class Problem:
         values = np.linalg.svd(self.sampled_jacobians, compute_uv=False)
         if not values.size:
             return np.ones(len(self.samples), dtype=bool)
-        shares = values / np.maximum(values[:, :1], 1e-300)
+        shares = values / np.maximum(values[:, :1], NOISE / DEPENDENT)
         rank = int((shares > DEPENDENT).sum(axis=1).max())
         if rank == 0:
             return np.ones(len(self.samples), dtype=bool)
@@ -153,7 +153,7 @@ class Problem:
         if 0 in matrices.shape:
             return ()
         values = np.linalg.svd(matrices, compute_uv=False)
-        rank = int((values > DEPENDENT * values[:, :1]).sum(axis=1).max())
+        rank = int((values > np.maximum(DEPENDENT * values[:, :1], NOISE)).sum(axis=1).max())
         return tuple(range(rows)) if rank == rows else independent_rows(matrices, rank)
 
     @cached_property

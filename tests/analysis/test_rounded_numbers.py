@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 import linkages
 import numpy as np
@@ -17,7 +18,7 @@ from rounded_files import rounded_urdf
 import closedchain as cc
 from closedchain.closure.build import as_stated
 from closedchain.closure.rounding.sensitivity import Sensitivity
-from closedchain.urdf import digits, read
+from closedchain.urdf import ClosureType, digits, read
 
 HINGE = '<limit lower="-7" upper="7" effort="1" velocity="1"/>'
 
@@ -282,8 +283,6 @@ def test_sensitivity_is_the_derivative(name: str, tol: Tolerances) -> None:
             other = as_stated(digits.with_numbers(m.description, numbers, moved))
             rows.append(other.workspace.residual(q) / m.row_scale)
         difference = (rows[0] - rows[1]) / (2.0 * h)
-        if numbers[i].part in ("parent_axis", "child_axis"):
-            continue  # the frame turns about its own axis too, which does not count
         assert np.abs(difference - found[:, i]).max() < tol.finite_difference * 10.0
 
 
@@ -354,3 +353,47 @@ def test_loops_that_share_no_joint_are_judged_one_by_one() -> None:
     assert m.rounding.redundant == (2, 3, 4, 7, 8, 9)
     assert cc.mobility(m).mobility == 2
     assert 5e-5 < m.misfit < 5e-4
+
+
+def bar_closed_by(kind: ClosureType) -> cc.Mechanism:
+    """Planar linkage of mobility 1 (2 where a rod, 3 where nothing closes it) with such a joint."""
+    tree = [
+        linkages.J("A", "base", "crank"),
+        linkages.J("B", "crank", "coupler", "0.15 0 0"),
+        linkages.J("D", "base", "rocker", "0.4 0 0"),
+    ]
+    home = {"A": 1.0, "B": -0.8, "D": 1.2}
+    end = linkages.J("E", "coupler", "end", "0.35 0 0")
+    cut = linkages.Cut("C", "coupler", "rocker", "0.35 0 0", "0.2 0 0", type=kind)
+    if kind == "fixed":
+        tree.append(end)
+        cut = linkages.Cut("C", "end", "rocker", "0 0 0", "0.2 0 0", type=kind)
+    elif kind == "prismatic":
+        tree, home = [*tree[:2], end], {"A": 0.7}
+        x = "1 0 0"
+        cut = linkages.Cut("C", "base", "end", type=kind, axis=x, child_axis=x)
+    elif kind == "universal":
+        cut = replace(cut, child_axis="0 1 0")
+    return linkages.load(
+        "bar", tree, [cut], inputs={"q1": "A"}, home=home, tip="coupler", outputs="x"
+    )
+
+
+@pytest.mark.parametrize("decimals", [8, 6, 5])
+@pytest.mark.parametrize(
+    "kind",
+    ["revolute", "spherical", "cylindrical", "universal", "fixed", "prismatic", "planar"],
+)
+def test_planar_loops_closed_by_any_joint(
+    kind: ClosureType, decimals: int, tol: Tolerances
+) -> None:
+    exact = bar_closed_by(kind)
+    if kind != "planar":
+        check(exact, decimals, decimals, tol)
+        return
+    # a planar joint in a plane asks for nothing at all: three rows, and none of them independent
+    text = rounded_urdf(exact.description, decimals, np.random.default_rng(3), values(exact))
+    m = cc.load_urdf(text)
+    assert m.rounding is not None
+    assert (m.rounding.kept, m.rounding.redundant) == ((), (0, 1, 2))
+    assert (cc.mobility(exact).mobility, cc.mobility(m).mobility) == (3, 3)
