@@ -24,6 +24,7 @@ from closedchain.urdf.description import (
     Link,
     Origin,
 )
+from closedchain.urdf.formats.substitution import local_name, named_children
 from closedchain.urdf.shapes import Shape, Shapes, visual_element
 
 if TYPE_CHECKING:
@@ -32,7 +33,16 @@ if TYPE_CHECKING:
 UNBOUNDED = 1e6
 """Written for the missing one of two bounds [m or rad]."""
 _NO_SHAPES: Shapes = MappingProxyType({})
-_TREE = ("link", "joint", "transmission", CONSTRAINT, "task", "group_state", "remark", "material")
+_SAID_ANEW = (
+    CONSTRAINT,
+    "task",
+    "group_state",
+    "loop_joint",
+    "loop",
+    "coupling",
+    "ball_constraint",
+)
+"""Elements of our own and of other dialects that the description says."""
 
 
 def urdf_text(description: Description, shapes: Shapes = _NO_SHAPES) -> str:
@@ -43,8 +53,8 @@ def urdf_text(description: Description, shapes: Shapes = _NO_SHAPES) -> str:
 def urdf_document(description: Description) -> Element:
     """Element tree of the URDF that a description comes from, brought up to date.
 
-    Closures, relations, inputs, task and named postures are those of the description. What the
-    description was read from, and what other dialects said about loops, is not repeated.
+    Closures, relations, inputs, task and named postures are those of the description. What other
+    dialects said about loops is not repeated; what belongs to other programs otherwise stays.
     """
     root = _original(description)
     if root is None:
@@ -54,8 +64,12 @@ def urdf_document(description: Description) -> Element:
     joints = {joint.name: joint for joint in description.joints}
     inputs = {item.name for item in description.inputs}
     for element in list(root):
-        if element.tag in (CONSTRAINT, "task", "group_state") or element.tag not in _TREE:
+        tag = local_name(element)
+        if tag in _SAID_ANEW:
             root.remove(element)
+        elif tag == "gazebo":
+            for loop in named_children(element, "joint"):
+                element.remove(loop)
         elif element.tag == "joint":
             element.attrib.pop("independent", None)
             if element.get("name") not in followers:

@@ -120,6 +120,23 @@ def test_a_loop_in_every_dialect(dialect: str) -> None:
         assert any("'rod'" in note or "closing_P_1" in note for note in m.notes)
 
 
+@pytest.mark.parametrize("dialect", DIALECTS)
+def test_written_as_urdf_the_rest_of_the_file_is_kept(dialect: str) -> None:
+    """Each loop is said once, as <constraint>; elements of other programs stay."""
+    text = DIALECTS[dialect][0].replace("</robot>", '<gazebo reference="rod"/><camera/></robot>')
+    m = cc.load_urdf(text)
+    written, _ = cc.export(m, "urdf")
+    again = cc.load_urdf(written)
+    assert written.count("<constraint") == 1
+    assert '<gazebo reference="rod"/>' in written
+    assert "<camera/>" in written
+    for word in ("loop_joint", "<loop ", "ball_constraint_body", "independent"):
+        assert word not in written
+    assert [(c.name, c.kind) for c in again.closures] == [(c.name, c.kind) for c in m.closures]
+    assert again.inputs == m.inputs
+    assert_close(again.home, m.home, 1e-12)
+
+
 def test_lines_of_a_loop_are_those_of_its_own_element() -> None:
     text = four_bar('\n\n<loop_joint name="P" type="spherical"><link1 link="rod"/>'
                     '<link2 link="rokcer"/></loop_joint>')  # fmt: skip
