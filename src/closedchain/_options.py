@@ -38,6 +38,14 @@ NoXacro = Annotated[
     bool,
     typer.Option("--no-xacro", help="Read plain URDF only; xacro in a file runs as Python code."),
 ]
+NoGravity = Annotated[bool, typer.Option("--no-gravity", help="Without weights.")]
+Density = Annotated[
+    float | None,
+    typer.Option(
+        metavar="KG/M3",
+        help="Links without masses get those of their shapes, solid of this density.",
+    ),
+]
 Over = Annotated[
     list[str] | None,
     typer.Option(

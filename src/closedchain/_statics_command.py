@@ -7,12 +7,44 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from closedchain import _arguments as arguments
-from closedchain._options import Json, NoXacro, Robot, Settings, Values, Variant
+from closedchain._options import (
+    Density,
+    Json,
+    NoGravity,
+    NoXacro,
+    Robot,
+    Settings,
+    Values,
+    Variant,
+)
 from closedchain._terminal import fail, print_json, say, table
 
 if TYPE_CHECKING:
+    import numpy as np
+
     from closedchain.analysis.forces.statics import Statics
     from closedchain.closure import Mechanism
+
+
+def loaded(
+    robot: str,
+    values: list[str] | None,
+    settings: list[str] | None,
+    variant: str | None,
+    *,
+    no_xacro: bool,
+    density: float | None,
+) -> tuple[Mechanism, np.ndarray]:
+    """Mechanism with masses, and the posture with the given inputs, home without."""
+    import closedchain as cc
+
+    mechanism = arguments.load_robot(robot, settings or (), variant, xacro=not no_xacro)
+    if density is not None:
+        mechanism = cc.with_inertias(mechanism, density)
+    if not values:
+        return mechanism, mechanism.home
+    given = arguments.all_inputs(mechanism, arguments.input_values(mechanism, values))
+    return mechanism, cc.direct(mechanism, given).raise_if_failed().q
 
 
 def statics(
@@ -30,7 +62,8 @@ def statics(
         list[str] | None,
         typer.Option(metavar="FRAME=KG", help="Point mass at a named frame."),
     ] = None,
-    no_gravity: Annotated[bool, typer.Option("--no-gravity", help="Without weights.")] = False,
+    no_gravity: NoGravity = False,
+    density: Density = None,
     settings: Settings = None,
     variant: Variant = None,
     no_xacro: NoXacro = False,
@@ -39,11 +72,7 @@ def statics(
     """Efforts of the inputs and wrenches of the joints that hold a load at rest."""
     import closedchain as cc
 
-    mechanism = arguments.load_robot(robot, settings or (), variant, xacro=not no_xacro)
-    q = mechanism.home
-    if values:
-        given = arguments.all_inputs(mechanism, arguments.input_values(mechanism, values))
-        q = cc.direct(mechanism, given).raise_if_failed().q
+    mechanism, q = loaded(robot, values, settings, variant, no_xacro=no_xacro, density=density)
     masses = {
         frame: arguments.number(text, f"--payload {frame}")
         for frame, text in arguments.assignments(payload or (), "--payload").items()

@@ -38,6 +38,7 @@ from closedchain._options import (
 )
 from closedchain._postures_command import postures
 from closedchain._resets_command import resets
+from closedchain._simulate_command import simulate
 from closedchain._statics_command import statics
 from closedchain._terminal import fail, print_json, remark, say
 from closedchain._transmission_command import transmission
@@ -347,6 +348,7 @@ app.command()(reads_a_file(closed_forms))
 app.command()(reads_a_file(export))
 app.command()(reads_a_file(postures))
 app.command()(reads_a_file(statics))
+app.command()(reads_a_file(simulate))
 app.command()(reads_a_file(resets))
 app.command()(reads_a_file(transmission))
 

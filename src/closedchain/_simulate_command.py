@@ -1,0 +1,93 @@
+"""The command ``closedchain simulate``: a motion under efforts and weights, into a folder."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from closedchain import _arguments as arguments
+from closedchain._options import (
+    Density,
+    Json,
+    NoGravity,
+    NoXacro,
+    Robot,
+    Settings,
+    Values,
+    Variant,
+)
+from closedchain._statics_command import loaded
+from closedchain._terminal import print_json, say
+
+
+def simulate(
+    robot: Robot,
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for the results.")],
+    values: Values = None,
+    until: Annotated[float, typer.Option(metavar="S", help="Time of the end [s].")] = 1.0,
+    every: Annotated[
+        float | None,
+        typer.Option(metavar="S", help="Time between samples [s]; a hundredth of the whole."),
+    ] = None,
+    effort: Annotated[
+        list[str] | None,
+        typer.Option(metavar="INPUT=EFFORT", help="Constant effort of an input [N, N m]; else 0."),
+    ] = None,
+    hold: Annotated[
+        bool, typer.Option("--hold", help="Add the efforts that hold the weights at the start.")
+    ] = False,
+    no_limits: Annotated[
+        bool, typer.Option("--no-limits", help="Go on where a joint meets its limit.")
+    ] = False,
+    no_gravity: NoGravity = False,
+    density: Density = None,
+    settings: Settings = None,
+    variant: Variant = None,
+    no_xacro: NoXacro = False,
+    json: Json = False,
+) -> None:
+    """Move a robot from rest: states as NetCDF, and a page that plays the motion."""
+    import numpy as np
+
+    import closedchain as cc
+    from closedchain.robots.animation import Animation, Readout
+    from closedchain.robots.viewer import static_page
+
+    mechanism, q = loaded(robot, values, settings, variant, no_xacro=no_xacro, density=density)
+    given = arguments.input_values(mechanism, effort or (), "--effort")
+    tau = np.array([given.get(name, 0.0) for name in mechanism.inputs])
+    if hold:
+        tau += cc.statics(mechanism, q, gravity=not no_gravity).raise_if_failed().inputs
+    found = cc.simulate(
+        *(mechanism, q, None, tau, until),
+        every=every, gravity=not no_gravity, limits=not no_limits,
+    )  # fmt: skip
+    out.mkdir(parents=True, exist_ok=True)
+    data, page = out / "motion.nc", out / _file(mechanism.name)
+    found.to_dataset().to_netcdf(data, engine="h5netcdf")
+    files = [data]
+    if len(found.t) > 1:
+        shown = Animation(found.q, found.t, readouts=(Readout("energy", found.energy, "J"),))
+        up = arguments.up_axis(robot)
+        page.write_text(static_page(mechanism, up=up, animation=shown), encoding="utf-8")
+        files.append(page)
+    if json:
+        facts = {"ending": found.ending.word, "message": found.message, "until": found.t[-1]}
+        numbers = {"residual": found.residual, "drift": found.drift, "steps": found.steps}
+        events = [vars(event) for event in found.events]
+        paths = [str(path) for path in files]
+        print_json({"robot": mechanism.name, **facts, **numbers, "events": events, "files": paths})
+        return
+    say(found.message)
+    for event in found.events:
+        say(event.text)
+    say(f"loops closed to {found.residual:.1e}, energy drifts by {found.drift:.1e} W")
+    for path in files:
+        say(str(path))
+
+
+def _file(name: str) -> str:
+    return re.sub(r"[^A-Za-z0-9._-]", "_", name) + ".html"

@@ -1,0 +1,53 @@
+"""``closedchain simulate``: states, a page, and words that are refused."""
+
+import json
+from pathlib import Path
+
+import xarray as xr
+from conftest import assert_close
+from typer.testing import CliRunner, Result
+
+import closedchain as cc
+from closedchain.cli import app
+
+
+def run(*words: str) -> Result:
+    return CliRunner().invoke(app, ["simulate", *words], catch_exceptions=False)
+
+
+def test_a_delta_falls(tmp_path: Path) -> None:
+    words = ["linear_delta", "--density", "2700", "--until", "0.1", "--out", str(tmp_path)]
+    done = run(*words, "--json")
+    assert done.exit_code == 0, done.stderr
+    told = json.loads(done.stdout)
+    assert told["ending"] == "arrived"
+    assert told["residual"] < 1e-12
+    m = cc.with_inertias(cc.load("linear_delta"))
+    expected = cc.simulate(m, m.home, None, None, 0.1)
+    found = xr.open_dataset(tmp_path / "motion.nc", engine="h5netcdf")
+    assert_close(found["q"].values, expected.q, 1e-12)
+    assert "<html" in (tmp_path / "linear_delta.html").read_text()[:2000]
+    assert found["q"].values[-1][m.input_q[0]] < m.home[m.input_q[0]] - 0.01
+
+
+def test_held_it_stays_where_it_is(tmp_path: Path) -> None:
+    words = ["linear_delta", "--density", "2700", "--until", "0.1", "--out", str(tmp_path)]
+    done = run(*words, "--hold")
+    assert done.exit_code == 0, done.stderr
+    found = xr.open_dataset(tmp_path / "motion.nc", engine="h5netcdf")
+    assert_close(found["q"].values[-1], found["q"].values[0], 1e-9)
+    assert "moved for 0.1 s" in done.stdout
+
+
+def test_wrong_words_are_one_line(tmp_path: Path) -> None:
+    out = ["--out", str(tmp_path)]
+    for words in (
+        ["linear_delta", *out],  # no masses
+        ["linear_delta", "--density", "0", *out],
+        ["linear_delta", "--density", "2700", "--until", "0", *out],
+        ["linear_delta", "--density", "2700", "--effort", "nobody=1", *out],
+        ["linear_delta", "--density", "2700", "--every", "9", *out],
+    ):
+        done = run(*words)
+        assert done.exit_code == 1, words
+        assert len(done.stderr.strip().splitlines()) == 1
