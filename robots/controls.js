@@ -245,9 +245,9 @@ function whyStopped(kinds) {
   const sigma = direct ? found?.sigmaDirect : found?.sigmaInverse;
   const kind = direct ? "A direct" : "An inverse";
   const near = sigma < data.near
-    ? ` ${kind} singularity is met: sigma is ${sigma.toExponential(1)}.`
-    : "";
-  return `Stopped after ${share} % of the way of ${what}: ${last.sentence}.${near}`;
+    ? `${kind} singularity is met: sigma is ${sigma.toExponential(1)}`
+    : last.sentence;
+  return `Stopped after ${share} % of the way of ${what}. ${near}.`;
 }
 
 // -- buttons -------------------------------------------------------------------------------------
