@@ -138,3 +138,19 @@ def test_dataset(d1: cc.Mechanism, states: cc.Resets) -> None:
 def test_wrong_questions_are_refused(words: dict[str, object], match: str) -> None:
     with pytest.raises(cc.ClosureError, match=match):
         cc.resets(cc.load("linear_delta"), **words)
+
+
+def test_mujoco_finds_the_loops_closed(d1: cc.Mechanism, states: cc.Resets) -> None:
+    """Its own equalities, in the file that is exported, at positions and velocities arranged."""
+    mujoco = pytest.importorskip("mujoco")
+    model = mujoco.MjModel.from_xml_string(cc.export(d1, "mjcf")[0])
+    data = mujoco.MjData(model)
+    order = sorted(list(d1.model.names)[1:], key=lambda n: model.joint(n).qposadr[0])
+    qpos, qvel = states.arranged(order)
+    assert qpos.shape[1] == model.nq
+    for k in (0, 100, 499):
+        data.qpos[:], data.qvel[:] = qpos[k], qvel[k]
+        mujoco.mj_forward(model, data)
+        assert data.nefc >= d1.rows
+        assert np.abs(data.efc_pos[: d1.rows]).max() < 1e-9
+        assert np.abs(data.efc_vel[: d1.rows]).max() < 1e-9
