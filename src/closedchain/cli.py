@@ -365,11 +365,21 @@ def _direct(mechanism: Mechanism, given: dict[str, float], mode: str | None) -> 
 
 
 def _posture(mechanism: Mechanism, values: list[str] | None, mode: str | None) -> Any:
-    """Configuration with the given inputs, that of the mode where there are none."""
+    """Configuration with the given inputs, that of the mode where there are none.
+
+    The way of the inputs may end at a direct singularity that has these very inputs.
+    """
+    import closedchain as cc
+
     if not values:
         return mechanism.home if mode is None else mechanism.posture(mode)
     given = arguments.input_values(mechanism, values)
-    return _direct(mechanism, given, mode).raise_if_failed().q
+    solution = _direct(mechanism, given, mode)
+    if not solution.converged and mechanism.task is not None:
+        end = cc.close(mechanism, solution.q, fixed=arguments.all_inputs(mechanism, given, mode))
+        if end.converged and "direct" in cc.classify(mechanism, end.q).kinds:
+            return end.q
+    return solution.raise_if_failed().q
 
 
 def _answer(mechanism: Mechanism, solution: Solution, json: bool, **more: list[str]) -> None:
