@@ -7,7 +7,6 @@ world-aligned at the tip's origin.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -172,7 +171,24 @@ def effort_per_moment(mechanism: Mechanism, postures: np.ndarray) -> np.ndarray:
     return np.asarray(np.linalg.norm(twist_maps(mechanism, postures)[:, 3:], axis=1).max(axis=1))
 
 
-def largest_compliance(drives: ArrayLike) -> Callable[[Mechanism, np.ndarray], np.ndarray]:
+@dataclass(frozen=True)
+class TipCompliance:
+    """Largest displacement of the tip's origin for unit force, any direction."""
+
+    drives: tuple[float, ...]
+    __name__ = "largest_compliance"
+
+    def __call__(self, mechanism: Mechanism, postures: np.ndarray) -> np.ndarray:
+        """Values (n,) [m/N], infinite at direct singularities."""
+        k = _stiffness(mechanism, self.drives)
+        t = twist_maps(mechanism, postures)[:, :3] / np.sqrt(k)
+        found = np.full(len(t), np.inf)
+        there = np.isfinite(t).all(axis=(1, 2))
+        found[there] = np.linalg.norm(t[there], 2, axis=(1, 2)) ** 2
+        return found
+
+
+def largest_compliance(drives: ArrayLike) -> TipCompliance:
     """Measure for maps: how far the tip's origin gives way to unit force, in the worst direction.
 
     Parameters
@@ -180,17 +196,7 @@ def largest_compliance(drives: ArrayLike) -> Callable[[Mechanism, np.ndarray], n
     drives : (n_inputs,) array
         Stiffness of each input [N/m or N m/rad].
     """
-
-    def compliance_of_tip(mechanism: Mechanism, postures: np.ndarray) -> np.ndarray:
-        """Largest displacement of the tip for unit force."""
-        k = _stiffness(mechanism, drives)
-        t = twist_maps(mechanism, postures)[:, :3] / np.sqrt(k)
-        found = np.full(len(t), np.inf)
-        there = np.isfinite(t).all(axis=(1, 2))
-        found[there] = np.linalg.norm(t[there], 2, axis=(1, 2)) ** 2
-        return found
-
-    return compliance_of_tip
+    return TipCompliance(tuple(np.array(drives, dtype=float).ravel().tolist()))
 
 
 def _twist_map(mechanism: Mechanism, q: ArrayLike) -> np.ndarray:

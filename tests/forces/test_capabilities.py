@@ -1,5 +1,6 @@
 """Ellipsoids, compliance and efforts for unit loads: against statics, springs, and maps."""
 
+import pickle
 import sys
 from pathlib import Path
 
@@ -92,6 +93,8 @@ def test_measures_in_a_map(delta: cc.Mechanism) -> None:
     assert_close(found["moment"].values[0, 2], 0.0, 1e-9)
     worst = np.linalg.eigvalsh(cc.compliance(delta, q, k)[:3, :3])[-1]
     assert_close(found["gives"].values[0, 2], worst, 1e-9 * worst)
+    again = pickle.loads(pickle.dumps(measures["gives"]))  # for stores and Dask
+    assert_close(again(delta, q[None]), [worst], 1e-9 * worst)
     # no unit force asks more of any input than this
     rng = np.random.default_rng(1)
     for force in rng.standard_normal((30, 3)):
