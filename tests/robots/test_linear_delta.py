@@ -202,6 +202,7 @@ def test_redundant_rows_by_loop(
 
 
 def test_platform_only_translates(delta: cc.Mechanism) -> None:
+    assert cc.mobility(delta).mobility == 3
     for sides in ld.MODES:
         q = configuration(delta, [0.08, -0.05, -0.6], sides)
         free = cc.redundancy(delta, q, "rx ry rz")
