@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 
 UNBOUNDED = 1e6
 """Written for the missing one of two bounds [m or rad]."""
+_BEYOND = 1e-9  # as for the reader of postures
 _NO_SHAPES: Shapes = MappingProxyType({})
 _SAID_ANEW = (
     CONSTRAINT,
@@ -160,10 +161,13 @@ def _say_roles(root: Element, description: Description, inputs: Iterable[Input])
         element.set("outputs", " ".join(task.outputs))
         if task.length is not None:
             element.set("length", elements.written((task.length,)))
-    if description.home:
-        _say_posture(root, "home", description.home)
-    for name, values in description.states.items():
-        _say_posture(root, name, values)
+    outside = set(unstated(description))
+    for name, values in (("home", description.home), *description.states.items()):
+        told = {joint: numbers for joint, numbers in values.items() if joint not in outside}
+        if name == "home":  # joints not listed are at zero
+            told = {joint: numbers for joint, numbers in told.items() if any(numbers[:6])}
+        if told or name != "home":
+            _say_posture(root, name, told)
 
 
 def _say_input(root: Element, item: Input) -> None:
@@ -177,6 +181,17 @@ def _say_input(root: Element, item: Input) -> None:
         ("rotorInertia", item.rotor_inertia),
     ):
         etree.SubElement(actuator, tag).text = elements.written((value,))
+
+
+def unstated(description: Description) -> tuple[str, ...]:
+    """Joints whose home lies outside their limits: a URDF may not state it."""
+    return tuple(
+        joint.name
+        for joint in description.joints
+        if joint.type in ("revolute", "prismatic")
+        and joint.name in description.home
+        and not joint.lower - _BEYOND <= description.home[joint.name][0] <= joint.upper + _BEYOND
+    )
 
 
 def _say_posture(root: Element, name: str, values: Mapping[str, tuple[float, ...]]) -> None:

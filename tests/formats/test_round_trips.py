@@ -168,6 +168,26 @@ def test_what_resists_a_motion_and_what_drives_it(form: str, tmp_path: Path) -> 
     assert_close(theirs.matrix(), mine.matrix(), 1e-9)
 
 
+@pytest.mark.parametrize("form", FORMATS)
+def test_a_home_beyond_limits_a_link_called_world_and_an_inertia_of_a_rod(
+    form: str, tmp_path: Path
+) -> None:
+    """As in stock files of walking robots, of arms on a table, and of antennas."""
+    m = cc.load_urdf(
+        '<robot name="r"><link name="world"/><link name="arm"><inertial><mass value="1"/>'
+        '<inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0"/></inertial></link>'
+        '<link name="tip"/><joint name="j" type="revolute"><parent link="world"/>'
+        '<child link="arm"/><axis xyz="0 0 1"/>'
+        '<limit lower="0.5" upper="1" effort="1" velocity="1"/></joint><joint name="t" '
+        'type="fixed"><parent link="arm"/><child link="tip"/><origin xyz="1 0 0"/></joint></robot>'
+    )
+    again, losses = out_and_in(m, form, tmp_path)
+    assert_close(again.home, [0.0], 0.0)
+    assert_close(again.point(again.home, "tip"), [1.0, 0.0, 0.0], 1e-12)
+    assert ("world_link" in again.frame_ids) == (form == "sdf")
+    assert any("called 'world_link'" in sentence for sentence in losses) == (form == "sdf")
+
+
 def test_a_ball_of_the_tree_is_a_ball_in_mujoco(tmp_path: Path) -> None:
     mujoco = pytest.importorskip("mujoco")
     m = cc.load_urdf(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from closedchain.urdf.description import Description
-from closedchain.urdf.formats.written import Written, listed
+from closedchain.urdf.formats.written import Written, homes_left_out, listed
 from closedchain.urdf.writing import document_text, urdf_document
 
 
@@ -17,4 +17,5 @@ def write(description: Description) -> Written:
             f"programs that read URDF alone get the open tree: {listed(loops)} are <constraint> "
             "elements, which they read over"
         )
+    losses += homes_left_out(description)
     return Written(document_text(urdf_document(description)), tuple(losses))

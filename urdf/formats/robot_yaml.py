@@ -41,7 +41,7 @@ from closedchain.urdf.formats.substitution import (
     fresh_name,
     named_children,
 )
-from closedchain.urdf.formats.written import Written
+from closedchain.urdf.formats.written import Written, homes_left_out
 from closedchain.urdf.link_poses import link_poses
 from closedchain.urdf.poses import inverse
 from closedchain.urdf.writing import document_text, joint_element, link_element, urdf_document
@@ -285,6 +285,7 @@ def write(description: Description) -> Written:
         f"the coupling of the joint {coupling.joint!r} is only in the URDF, as a <mimic>"
         for coupling in description.couplings
     ]
+    losses += homes_left_out(description)
     motors = [item.joint for item in description.inputs]
     pairs = ", ".join(f"[{_word(a)}, {_word(b)}]" for a, b, _ in loops)
     lines = [

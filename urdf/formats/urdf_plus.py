@@ -36,7 +36,7 @@ from closedchain.urdf.formats.substitution import (
     replace_by,
 )
 from closedchain.urdf.formats.tree_at_zero import parents_of, path_up
-from closedchain.urdf.formats.written import Written
+from closedchain.urdf.formats.written import Written, homes_left_out
 from closedchain.urdf.poses import origin_of, pose_of, z_along
 from closedchain.urdf.writing import document_text, urdf_document
 
@@ -178,6 +178,7 @@ def write(description: Description) -> Written:
     for joint in named_children(root, "joint"):
         if joint.get("type") != "fixed":
             joint.set("independent", "true" if joint.get("name") in driven else "false")
+    losses += homes_left_out(description)
     return Written(document_text(root), tuple(losses))
 
 

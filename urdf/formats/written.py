@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
+from closedchain.urdf.description import Description
+from closedchain.urdf.writing import unstated
+
 
 @dataclass(frozen=True)
 class Written:
@@ -29,3 +32,11 @@ def listed(names: Iterable[str], most: int = 4) -> str:
     every = [repr(name) for name in names]
     more = f" and {len(every) - most} more" if len(every) > most else ""
     return ", ".join(every[:most]) + more
+
+
+def homes_left_out(description: Description) -> list[str]:
+    """Sentence on joints whose home a URDF cannot state, if there are any."""
+    outside = [name for name in unstated(description) if description.home[name] != (0.0,)]
+    if not outside:
+        return []
+    return [f"home is outside the limits of {listed(outside)}: it is not stated for these joints"]

@@ -25,11 +25,12 @@ from closedchain.urdf.description import (
 from closedchain.urdf.formats.mjcf.collected import Collected, numbers, set_pose
 from closedchain.urdf.formats.mjcf.equality_writing import add_equalities
 from closedchain.urdf.formats.mjcf.reading import TASK
+from closedchain.urdf.formats.mjcf.tree import WORLD
 from closedchain.urdf.formats.stubs import stub_parts, with_stubs
 from closedchain.urdf.formats.written import Written, listed
 from closedchain.urdf.link_poses import link_poses, moved
 from closedchain.urdf.meshes import with_mesh_paths
-from closedchain.urdf.poses import inverse, pose_of
+from closedchain.urdf.poses import inverse, pose, pose_of, quaternion_of
 from closedchain.urdf.shapes import Shape, Shapes, shapes_of
 from closedchain.urdf.writing import UNBOUNDED, document_text, urdf_document
 
@@ -38,6 +39,7 @@ if TYPE_CHECKING:
 
 _KNOWN: tuple[ClosureType, ...] = ("fixed", "revolute", "spherical", "distance")
 _MESHES = (".stl", ".obj", ".msh")
+_LEAST_MOMENT = 1e-12  # [kg m^2]
 _LEAST_MASS, _LEAST_INERTIA = 1e-3, 1e-6  # of moving bodies that have none [kg, kg m^2]
 
 
@@ -155,7 +157,12 @@ def _tree(writer: Collected, world: Element) -> None:
     children: dict[str, list[Joint]] = {}
     for joint in d.joints:
         children.setdefault(joint.parent, []).append(joint)
-    _body(writer, world, links[d.root], np.eye(4), None)
+    if d.root == WORLD:  # MuJoCo has a body of that name
+        writer.bodies[WORLD], writer.places[WORLD] = world, (WORLD, np.eye(4))
+        for shape in writer.shapes.get(WORLD, ()):
+            _geom(writer, world, shape)
+    else:
+        _body(writer, world, links[d.root], np.eye(4), None)
     waiting = list(reversed(children.get(d.root, [])))
     while waiting:
         joint = waiting.pop()
@@ -242,6 +249,18 @@ def _inertial(body: Element, inertial: Inertial) -> None:
     i = inertial
     tensor = np.array([[i.ixx, i.ixy, i.ixz], [i.ixy, i.iyy, i.iyz], [i.ixz, i.iyz, i.izz]])
     t = turned @ tensor @ turned.T
+    if i.principal_moments[0] < _LEAST_MOMENT:  # MuJoCo wants them positive
+        moments, axes = np.linalg.eigh(t)
+        axes[:, 2] *= np.sign(np.linalg.det(axes))
+        etree.SubElement(
+            body,
+            "inertial",
+            pos=numbers(*i.origin.xyz),
+            mass=numbers(i.mass),
+            quat=numbers(*quaternion_of(pose(axes))),
+            diaginertia=numbers(*np.maximum(moments, _LEAST_MOMENT)),
+        )
+        return
     full = (t[0, 0], t[1, 1], t[2, 2], t[0, 1], t[0, 2], t[1, 2])
     etree.SubElement(
         body,

@@ -1,8 +1,8 @@
 """From a graph of bodies and joints to a spanning tree and what closes its loops.
 
-In SDF a loop is simply a joint on a link that other joints hold already. Joints that cannot be
-cut go into the tree first, then hinges and slides in the order of the file. Balls are always cut: a
-part that hangs on balls alone is placed by a floating joint, which the cut balls then hold.
+In SDF a loop is simply a joint on a link that other joints hold already. Joints that are driven or
+cannot be cut go into the tree first, then hinges and slides in the order of the file. Balls are
+always cut: a part that hangs on balls alone is placed by a floating joint, which they then hold.
 """
 
 from __future__ import annotations
@@ -57,6 +57,9 @@ class Edge:
         Bounds, and value at the posture of the file.
     pitch : float
         Of a screw [m per turn].
+    driven, cut : bool
+        Whether a motor moves it, so that it should be in the tree; whether the file says that it
+        closes a loop.
     damping, friction : float
         What opposes the motion, as of ``Joint``.
     line : int or None
@@ -75,6 +78,8 @@ class Edge:
     line: int | None = None
     damping: float = 0.0
     friction: float = 0.0
+    driven: bool = False
+    cut: bool = False
 
 
 @dataclass
@@ -142,7 +147,9 @@ def _chosen(
         return name
 
     def rank(edge: Edge) -> int:
-        return {"fixed": 0, "screw": 1, "revolute2": 1}.get(edge.kind, 2)
+        if edge.cut:
+            return 3
+        return 1 if edge.driven else {"fixed": 0, "screw": 1, "revolute2": 1}.get(edge.kind, 2)
 
     for one, other in joined:
         body[find(one)] = find(other)

@@ -82,6 +82,9 @@ def read(text: str) -> Description:
     canonical = _canonical(model, bodies, frames)
     old = _version(model) < (1, 5)
     edges, couplings = _edges(model, frames, canonical, old, notes)
+    inputs = roles.inputs or _driven(model, {edge.name for edge in edges})
+    driven = {item.joint for item in inputs}
+    edges = [replace(edge, driven=edge.name in driven) for edge in edges]
     gears = _gears(model, frames, edges, old, notes)
     root, edges = _base(bodies, edges, canonical, notes)
     if root == WORLD:
@@ -92,7 +95,6 @@ def read(text: str) -> Description:
     links = [replace(link, inertial=inertials.get(link.name)) for link in found.links]
     joints = list(found.joints)
     _add_frames(model, frames, canonical, bodies, links, joints)
-    inputs = roles.inputs or _driven(model, {joint.name for joint in joints})
     if not inputs:
         notes.append("the file names no motors (plugins with a <joint_name>): there are no inputs")
     shapes = {
@@ -107,7 +109,7 @@ def read(text: str) -> Description:
         closures=fresh_closures((*found.closures, *ball_constraints(model, bodies))),
         couplings=tuple(_shifted(c, found.home) for c in couplings),
         relations=(*found.relations, *roles.relations, *_of_tree(gears, joints, notes)),
-        inputs=inputs,
+        inputs=_in_tree(inputs, joints, notes),
         task=roles.task,
         home=found.home,
         states=roles.states,
@@ -228,6 +230,7 @@ def _edge(
         line=element.sourceline,
         damping=resists[0],
         friction=resists[1],
+        cut=element.get(f"{{{NAMESPACE}}}cut") == "true",
     )
 
 
@@ -350,6 +353,17 @@ def _add_frames(
         place = inverse(bodies[body]) @ frames.pose(name, element)
         links.append(Link(name))
         joints.append(Joint(f"{name}_fixed", "fixed", body, name, origin_of(place)))
+
+
+def _in_tree(inputs: tuple[Input, ...], joints: list[Joint], notes: list[str]) -> tuple[Input, ...]:
+    """Inputs whose joints are in the tree; joints that were cut have no value to give."""
+    names = {joint.name for joint in joints}
+    notes += [
+        f"the input {item.name!r} is left out: its joint {item.joint!r} closes a loop and was cut"
+        for item in inputs
+        if item.joint not in names
+    ]
+    return tuple(item for item in inputs if item.joint in names)
 
 
 def _driven(model: Element, joints: set[str]) -> tuple[Input, ...]:

@@ -55,6 +55,8 @@ def write(description: Description) -> Written:
         A closure that has no words in SDF, even with empty links.
     """
     shapes = shapes_of(urdf_document(description))
+    description = _without_world(description)
+    shapes = {_not_world(link): of_link for link, of_link in shapes.items()}
     d, losses = _with_known_closures(description)
     d, renamed = _with_distinct_names(d)
     if renamed:
@@ -77,6 +79,8 @@ def write(description: Description) -> Written:
     for closure in d.closures:
         _closure(model, closure, places)
     say_roles(model, d)
+    if any(link.name == "world_link" for link in d.links):
+        losses.append("the link 'world' is called 'world_link', since SDF's world is no link")
     if d.relations:
         losses.append(
             f"the relations of joint values {listed(r.name for r in d.relations)} are written for "
@@ -88,6 +92,33 @@ def write(description: Description) -> Written:
         losses.append("remarks are not written")
     losses.append("limits of effort and speed, armatures and collision shapes are not written")
     return Written(document_text(root), tuple(losses))
+
+
+def _not_world(link: str) -> str:
+    """Name of a link in SDF, where the world is no link."""
+    return f"{link}_link" if link == "world" else link
+
+
+def _without_world(d: Description) -> Description:
+    """Description in which no link is called as SDF's world is."""
+    if all(link.name != "world" for link in d.links):
+        return d
+
+    task = d.task
+    if task is not None:
+        task = replace(task, base=_not_world(task.base), tip=_not_world(task.tip))
+    return replace(
+        d,
+        root=_not_world(d.root),
+        links=tuple(replace(link, name=_not_world(link.name)) for link in d.links),
+        joints=tuple(
+            replace(j, parent=_not_world(j.parent), child=_not_world(j.child)) for j in d.joints
+        ),
+        closures=tuple(
+            replace(c, parent=_not_world(c.parent), child=_not_world(c.child)) for c in d.closures
+        ),
+        task=task,
+    )
 
 
 def _with_known_closures(description: Description) -> tuple[Description, list[str]]:
@@ -261,6 +292,7 @@ def _closure(model: Element, closure: LoopClosure, places: dict[str, np.ndarray]
     """Joint in the child's frame of the closure; the parent's is there too, at home."""
     kind = _KNOWN[closure.type]
     element = _named(model, closure.name, kind, closure.parent, closure.child)
+    element.set(f"{{{NAMESPACE}}}cut", "true")
     in_child = pose_of(closure.child_origin)
     _pose(element, in_child)
     if closure.type in ("fixed", "spherical"):
