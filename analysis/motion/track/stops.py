@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
+from closedchain.analysis.first_order import OPEN
 from closedchain.analysis.motion.track.demands import Demand, TipDemand
 from closedchain.analysis.motion.track.routes import Route
 from closedchain.analysis.motion.track.states import Stuck
@@ -60,7 +61,8 @@ class Stop:
 def stop(demand: Demand, route: Route, here: Stuck) -> Stop:
     """Report of a place that following does not pass."""
     name = "t" if route.timed else "sample"
-    if here.ending is Ending.LOST:
+    residual = np.abs(demand.mechanism.workspace.residual(here.q)).max(initial=0.0)
+    if here.ending is Ending.LOST or residual > OPEN:  # an integration that left the loops
         message = f"the integration is lost after {name} = {here.u:.6g}: its errors grow"
         return Stop(here.u, frozenset(), message, here.q, here.u, Ending.LOST)
     miss = _contradiction(demand, route, here)
