@@ -77,6 +77,16 @@ def test_a_second_joint_on_a_link_is_the_loop(loop: str, order: int, cut: str) -
     assert math.atan2(rocker[1, 0], rocker[0, 0]) == pytest.approx(angles(1.3)[1], abs=1e-9)
 
 
+def test_a_driven_joint_that_must_be_cut_is_no_input() -> None:
+    """All four hinges are driven: one closes the loop, and has no value to give."""
+    plugins = "".join(
+        f"<plugin name='c'><joint_name>{name}</joint_name></plugin>" for name in "BDP"
+    )
+    m = cc.load_file(four_bar().replace("</model>", f"{plugins}</model>"))
+    assert m.inputs == ("A", "B", "D")
+    assert "the input 'P' is left out: its joint 'P' closes a loop and was cut" in m.notes
+
+
 def test_joints_that_are_gone_through_backwards_keep_their_value() -> None:
     """Relative poses of two links at the same joint value, whichever is the base."""
     axis = "<axis><xyz>1 2 3</xyz><limit><lower>-1</lower><upper>2</upper></limit></axis>"

@@ -109,7 +109,7 @@ def read(text: str) -> Description:
         closures=fresh_closures((*found.closures, *ball_constraints(model, bodies))),
         couplings=tuple(_shifted(c, found.home) for c in couplings),
         relations=(*found.relations, *roles.relations, *_of_tree(gears, joints, notes)),
-        inputs=_in_tree(inputs, joints, notes),
+        inputs=_uncut(inputs, {closure.name for closure in found.closures}, notes),
         task=roles.task,
         home=found.home,
         states=roles.states,
@@ -355,15 +355,14 @@ def _add_frames(
         joints.append(Joint(f"{name}_fixed", "fixed", body, name, origin_of(place)))
 
 
-def _in_tree(inputs: tuple[Input, ...], joints: list[Joint], notes: list[str]) -> tuple[Input, ...]:
-    """Inputs whose joints are in the tree; joints that were cut have no value to give."""
-    names = {joint.name for joint in joints}
+def _uncut(inputs: tuple[Input, ...], cut: set[str], notes: list[str]) -> tuple[Input, ...]:
+    """Inputs whose joints were not cut: those that were have no value to give."""
     notes += [
         f"the input {item.name!r} is left out: its joint {item.joint!r} closes a loop and was cut"
         for item in inputs
-        if item.joint not in names
+        if item.joint in cut
     ]
-    return tuple(item for item in inputs if item.joint in names)
+    return tuple(item for item in inputs if item.joint not in cut)
 
 
 def _driven(model: Element, joints: set[str]) -> tuple[Input, ...]:
