@@ -165,16 +165,14 @@ def three_rrr() -> cc.Mechanism:
         corner = f"{0.4 * (x - 0.3)} {0.4 * (y - 0.17)} 0"
         cuts.append(Cut(f"c{i}", f"rod{i}", "platform", "0.2 0 0", corner))
     home = {"a1": 1.2, "b1": -1.5, "a2": 2.9, "b2": -1.3, "a3": -1.6, "b3": -1.0}
-    return nearest_home(
-        load(
-            "three_rrr",
-            joints,
-            cuts,
-            inputs={f"q{i}": f"a{i}" for i in (1, 2, 3)},
-            home={"platform_pose": "0.3 0.17 0 0 0 0 1", **home},
-            tip="platform",
-            outputs="x y rz",
-        )
+    return load(
+        "three_rrr",
+        joints,
+        cuts,
+        inputs={f"q{i}": f"a{i}" for i in (1, 2, 3)},
+        home={"platform_pose": "0.3 0.17 0 0 0 0 1", **home},
+        tip="platform",
+        outputs="x y rz",
     )
 
 
@@ -192,15 +190,13 @@ def spatial_four_bar(hooke: bool) -> cc.Mechanism:
     if not hooke:
         cuts.insert(0, Cut("S1", "crank", "rod", "0.1 0 0", type="spherical"))
     home = {"R1": 0.7} if hooke else {"R1": 0.7, "rod_pose": "0.08 0.06 0 0 0 0 1"}
-    return nearest_home(
-        load(
-            "rusr" if hooke else "rssr",
-            [J("R1", "base", "crank"), J("R2", "base", "rocker", "0.35 0 0", axis="1 0 0"), *rod],
-            cuts,
-            inputs={"q1": "R1"},
-            home=home,
-            tip="rocker",
-        )
+    return load(
+        "rusr" if hooke else "rssr",
+        [J("R1", "base", "crank"), J("R2", "base", "rocker", "0.35 0 0", axis="1 0 0"), *rod],
+        cuts,
+        inputs={"q1": "R1"},
+        home=home,
+        tip="rocker",
     )
 
 
