@@ -127,7 +127,7 @@ def test_missing_meshes_are_told_on_the_terminal(tmp_path: Path) -> None:
 
 
 def test_a_posture_at_a_fold_of_the_inputs_is_classified(bar: str) -> None:
-    """The rocker driven back to where crank and rod are stretched: 0.35 m, by the law of cosines."""
+    """The rocker driven back to where crank and rod are stretched: 0.35 m, by the cosine law."""
     text = BAR.replace('<joint name="A"/>', '<joint name="D"/>').replace(
         "1.5708", repr(math.pi / 2)
     )
