@@ -75,7 +75,7 @@ class EffortCode:
     def _code(self) -> Compiled:
         m, g = self.mechanism, Graph()
         nq = m.model.nq
-        k = Kinematics(m, g, g.inputs(0, nq))
+        k = self.problem.kinematics(g, g.inputs(0, nq))
         load = g.inputs(nq, 3 + 6 * len(self.frames))
         needed = [-power for power in self._powers(k, load)]
         rows = k.closures

@@ -20,7 +20,6 @@ from closedchain.closure.solution import Solutions
 from closedchain.closure.solve.problem import Problem, problem_of
 from closedchain.closure.tape.expression import Graph
 from closedchain.closure.tape.machine import Compiled, compiled
-from closedchain.closure.tape.rows import Kinematics
 from closedchain.closure.tape.verified import POSTURES, agree
 
 PIVOT = 1e-6  # dimensionless: digits are lost in proportion to the smallest pivot
@@ -85,7 +84,7 @@ class PinnedMotion:
     def _code(self) -> Compiled:
         """Smallest pivot, then the rates row by row; compared with LAPACK at two postures."""
         g, model = Graph(), self.mechanism.model
-        kinematics = Kinematics(self.mechanism, g, g.inputs(0, model.nq))
+        kinematics = self.problem.kinematics(g, g.inputs(0, model.nq))
         entries = [kinematics.closures.entries[r] for r in self.problem.kept]
         samples = self.problem.regular
         zero, one = g.constant(0.0), g.constant(1.0)

@@ -13,7 +13,6 @@ from closedchain.closure.ranks import kernel
 from closedchain.closure.solve.problem import problem_of
 from closedchain.closure.tape.expression import Graph
 from closedchain.closure.tape.machine import Compiled, compiled
-from closedchain.closure.tape.rows import Kinematics
 
 PIVOT = 1e-6  # dimensionless: below it the elimination loses digits, and LAPACK is asked
 LARGE = 1e4  # entries of a basis beyond which it loses digits as well
@@ -92,7 +91,7 @@ class RandomMotions:
         """Smallest pivot, then a basis (nv, f) of the closed motions, row by row."""
         g, m = Graph(), self.mechanism
         problem = problem_of(m)
-        k = Kinematics(m, g, g.inputs(0, m.model.nq))
+        k = problem.kinematics(g, g.inputs(0, m.model.nq))
         factors = problem.elimination(g, k.closures, problem.regular.T)
         zero = g.constant(0.0)
         motions = factors.kernel()

@@ -17,7 +17,7 @@ import numpy as np
 from closedchain.analysis.singularity.classify import row_combination
 from closedchain.closure.generic import GenericRanks, dimensionless_jacobian, generic_ranks
 from closedchain.closure.mechanism import Mechanism
-from closedchain.closure.solve.problem import problem_of
+from closedchain.closure.solve.problem import Problem, problem_of
 from closedchain.closure.tape.dense import determinant, gram_root
 from closedchain.closure.tape.elimination import Elimination, Sparse, eliminate, parity
 from closedchain.closure.tape.expression import Expr, Graph, total
@@ -37,6 +37,8 @@ class Plan:
         Tangent coordinates that may have a pivot, and those that may not.
     samples : (n, nq) array
         Regular closed postures at which pivots are judged.
+    upright : frozenset of str
+        Closures whose rows that hold a point may stand along the world's axes.
     """
 
     mechanism: Mechanism
@@ -46,6 +48,7 @@ class Plan:
     columns: tuple[int, ...]
     carried: tuple[int, ...]
     samples: np.ndarray
+    upright: frozenset[str]
 
     @property
     def motions(self) -> int:
@@ -82,11 +85,23 @@ def planned(mechanism: Mechanism, outputs: tuple[str, ...]) -> Plan | None:
     pinned = problem_of(mechanism, pinned=inputs)
     if len(pinned.kept) == rank:
         passive = tuple(int(v) for v in mechanism.passive_v)
-        return Plan(mechanism, outputs, generic, pinned.kept, passive, inputs, pinned.regular)
+        return _plan(pinned, outputs, generic, passive, inputs)
     whole = problem_of(mechanism)
     if len(whole.kept) != rank:
         return None
-    return Plan(mechanism, outputs, generic, whole.kept, tuple(range(nv)), (), whole.regular)
+    return _plan(whole, outputs, generic, tuple(range(nv)), ())
+
+
+def _plan(
+    problem: Problem,
+    outputs: tuple[str, ...],
+    generic: GenericRanks,
+    columns: tuple[int, ...],
+    carried: tuple[int, ...],
+) -> Plan:
+    """Plan with the rows, axes and samples of a problem."""
+    m, kept, regular = problem.mechanism, problem.kept, problem.regular
+    return Plan(m, outputs, generic, kept, columns, carried, regular, problem.upright)
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,7 +115,7 @@ class FirstOrderTape:
     def kinematics(self) -> Kinematics:
         """Expressions of the mechanism; Pinocchio's axes of rows where their signs matter."""
         q = self.graph.inputs(0, self.plan.mechanism.model.nq)
-        upright = not self.plan.oriented_by_home
+        upright = False if self.plan.oriented_by_home else self.plan.upright
         return Kinematics(self.plan.mechanism, self.graph, q, upright=upright)
 
     @cached_property
