@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from closedchain.closure.closures import Coupling
 from closedchain.closure.mechanism import Mechanism
 
 
@@ -14,6 +15,15 @@ def turning(mechanism: Mechanism) -> np.ndarray:
         if joint.nq == joint.nv == 1:
             single[joint.idx_v] = True
     return np.asarray(single & ~mechanism.translational)
+
+
+def tied(mechanism: Mechanism) -> np.ndarray:
+    """Which tangent coordinates mimics and relations tie, (nv,) of bool: these count turns."""
+    found = np.zeros(mechanism.model.nv, dtype=bool)
+    for closure in mechanism.closures:
+        if isinstance(closure, Coupling):
+            found[[part.v for part in closure.joints]] = True
+    return found
 
 
 def without_turns(v: np.ndarray, angles: np.ndarray) -> np.ndarray:

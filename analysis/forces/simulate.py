@@ -222,7 +222,9 @@ class _Run:
                 limit = self._limit(now, new)
                 if limit is not None:
                     return limit[0], Ending.LIMIT, limit[1]
-                self._look_for_singularities(now, new)
+                met = self._look_for_singularities(now, new)
+                if met is not None:
+                    return met, *self._met(met)
                 now = State(t, new.q, new.v, new.work) if last else new
             elif h <= LEAST:
                 return now, *self._stopped(now, why if error == np.inf else "")
@@ -236,6 +238,10 @@ class _Run:
         """Why steps became too small: at a singularity of the closures, or for reasons unknown."""
         if self.stepper.plant.closed(now.q).least > NEAR:
             return Ending.STUCK, f"{refusal or 'the steps became too small'}, at {now.t:.6g} s"
+        return self._met(now)
+
+    def _met(self, now: State) -> tuple[Ending, str]:
+        """Note that the motion ends at a singularity of the closures."""
         text = (
             f"a constraint singularity is met at {now.t:.6g} s: the closures lose rank, and what "
             "the mechanism does there is not determined"
@@ -262,26 +268,35 @@ class _Run:
         self.events.append(Event(inside.t, "limit", text))
         return inside, text
 
-    def _look_for_singularities(self, before: State, after: State) -> None:
-        """Note singularities in a step: determinants of steady orientation that change sign."""
+    def _look_for_singularities(self, before: State, after: State) -> State | None:
+        """Note singularities in a step: determinants of steady orientation that change sign.
+
+        Returns the last state before one of the closures themselves, where that is what was met.
+        """
         plant, old = self.stepper.plant, self.side
         new = signs(plant, after.q, old)
         self.side = new
         if old is None or new is None:
-            return
+            return None
         for kind, sign in old.values.items():
             if sign * new.values[kind] >= 0.0:
                 continue
-            low, high = 0.0, after.t - before.t
+            low, high, lost = 0.0, after.t - before.t, False
             for _ in range(HALVINGS):
                 middle = 0.5 * (low + high)
                 if high - low < LEAST * 1e-3 or middle in (low, high):
                     break
-                tried = signs(plant, self.stepper.step(before, middle)[0].q, old)
+                try:
+                    tried = signs(plant, self.stepper.step(before, middle)[0].q, old)
+                except ClosureError:  # the closures lose rank on the way
+                    tried, lost = None, True
                 same = tried is not None and tried.values[kind] * sign > 0.0
                 low, high = (middle, high) if same else (low, middle)
+            if lost:
+                return self.stepper.step(before, low)[0] if low > 0.0 else before
             t = before.t + low
             self.events.append(Event(t, kind, f"a {kind} singularity is passed at {t:.6g} s"))
+        return None
 
     def _told(self, samples: list[State], ending: Ending, message: str) -> Simulation:
         plant = self.stepper.plant

@@ -7,17 +7,21 @@ from collections import Counter
 from dataclasses import dataclass, field
 from functools import cached_property
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from closedchain.analysis.structure.driving import driving
-from closedchain.analysis.structure.finite import finite_dimensions
 from closedchain.analysis.structure.hinges import pairs_of_tree, symbol_of
 from closedchain.closure.closures import Coupling
 from closedchain.closure.generic import GenericRank, generic_ranks, sampled_rank
 from closedchain.closure.joint_kinds import BY_SYMBOL, JOINT_KINDS
 from closedchain.closure.mechanism import Mechanism
+from closedchain.closure.modes.dimension import finite_dimensions
 from closedchain.closure.ranks import Rank
 from closedchain.urdf.description import Description
+from closedchain.urdf.errors import ClosureError
+
+OPEN = 1e-9
 
 
 @dataclass(frozen=True)
@@ -74,8 +78,17 @@ class Mobility:
         return self.finite_at(self.mechanism.home)[0]
 
     def finite_at(self, q: ArrayLike) -> tuple[int, ...]:
-        """Dimensions of the branches of postures around a closed one (nq,), the largest first."""
-        return finite_dimensions(self.mechanism, self.mechanism.configuration(q))
+        """Dimensions that branches of postures around a closed one (nq,) have, the largest first.
+
+        Raises ``ClosureError`` where the loops are open.
+        """
+        q = self.mechanism.configuration(q)
+        gap = float(np.abs(self.mechanism.workspace.residual(q)).max(initial=0.0))
+        if gap > OPEN:
+            raise ClosureError(
+                f"the loops are open there by {gap:.3g}; close them first (cc.close)"
+            )
+        return finite_dimensions(self.mechanism, q)
 
 
 def mobility(mechanism: Mechanism) -> Mobility:

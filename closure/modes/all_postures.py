@@ -25,18 +25,24 @@ from closedchain.closure.modes.seeking import (
     sought,
     unwound,
 )
-from closedchain.closure.modes.shapes import SAME, Shapes, groups
+from closedchain.closure.modes.shapes import SAME, Shapes, groups, turns_that_count
+from closedchain.closure.modes.singular import with_singular
 from closedchain.closure.nearest import beyond_limits
 from closedchain.closure.position import driven, posed
 from closedchain.closure.ranks import null_space
 from closedchain.closure.solve.path import follower_of
 from closedchain.closure.solve.problem import Problem, problem_of
 from closedchain.closure.solve.search import search
+from closedchain.closure.turns import tied, turning, without_turns
 from closedchain.urdf.description import OUTPUTS
 from closedchain.urdf.errors import ClosureError, known_names
 
 LOOKED_AT = 8
 """Postures at which it is seen what the motions that remain change."""
+
+OPEN = 1e-9  # m or rad: what is left open is no posture
+SINGULAR = 1e-6  # share of the largest singular value
+NEAR = 0.05  # dimensionless: from the end of a path that is lost to the singular posture it meant
 
 REAL = 1e-6
 """Largest imaginary part, of shapes, dimensionless, of a real solution."""
@@ -130,17 +136,20 @@ def postures(
     found, in_time = _searched(question, Shapes(mechanism), asked)
     if not in_time:
         notes.append("The time allowed was used up while searching.")
+    found, families = with_singular(question.problem, question.targets, found)
     whole = None
-    if count and in_time:
+    if count and turns_that_count(mechanism):
+        notes.append("Relations of its joints count whole turns: its solutions are only searched.")
+    elif count and in_time:
         try:
-            whole = counted(question.problem, Shapes(mechanism), question.targets, asked.report)
+            whole = _counted(question, asked)
         except OutOfTime:
             notes.append("The time allowed was used up before the solutions were counted.")
         except TypeError as error:  # what complex numbers do not have
             notes.append(f"The solutions cannot be counted: {error}.")
         else:
             found = _together(question, Shapes(mechanism), found, whole)
-    return _result(question, found, whole, (), notes)
+    return _result(question, found, whole, families, notes)
 
 
 def _joint(mechanism: Mechanism, name: str) -> tuple[int, int]:
@@ -150,6 +159,16 @@ def _joint(mechanism: Mechanism, name: str) -> tuple[int, int]:
     except KeyError:
         known = tuple(joint_names(mechanism))
         raise ClosureError(known_names(name, "joint with one freedom", known)) from None
+
+
+def _counted(question: Question, asked: Search) -> Counted:
+    """Complex solutions, with whole turns of what is held left out."""
+    problem = question.problem
+    m, targets = problem.mechanism, question.targets.copy()
+    turns = (turning(m) & ~tied(m))[list(problem.pinned)]
+    held = targets[: len(problem.pinned)]
+    targets[: len(problem.pinned)] = without_turns(held, turns)
+    return counted(problem, Shapes(m), targets, asked.report)
 
 
 def _searched(question: Question, shapes: Shapes, asked: Search) -> tuple[Sought, bool]:
@@ -172,7 +191,9 @@ def _families(question: Question, asked: Search) -> Postures:
         shapes = shapes.without(q, motions * problem.mechanism.column_scale[:, None])
     found = sought(problem, shapes, targets, starts=asked)
     dimension = len(problem.free) - len(problem.kept)
-    return _result(question, found, None, tuple(Family(dimension, q) for q in found.q), [])
+    families = tuple(Family(dimension, q) for q in found.q)
+    note = "Postures that the remaining motions may join are told apart by what these leave alone."
+    return _result(question, found, None, families, [note] if families else [])
 
 
 def _question(
@@ -228,7 +249,8 @@ def _together(question: Question, shapes: Shapes, found: Sought, whole: Counted)
     group = groups(shapes.of(q))
     hits = np.concatenate([found.hits, np.zeros(len(closed.q), dtype=int)])
     first = chosen(shapes.mechanism, q, group)
-    return Sought(q[first], np.bincount(group, weights=hits).astype(int), found.starts)
+    count = np.bincount(group, weights=hits).astype(int)
+    return Sought(q[first], count, found.starts, found.unsettled)
 
 
 def _result(
@@ -240,17 +262,21 @@ def _result(
 ) -> Postures:
     problem, m = question.problem, question.problem.mechanism
     q = unwound(m, found.q)
-    n = len(q)
+    closed = [float(np.abs(m.workspace.residual(x)).max(initial=0.0)) < OPEN for x in q]
+    q, hits = q[closed], found.hits[closed]
     order = _order(m, q)
-    q, hits = q[order], found.hits[order]
+    q, hits, n = q[order], hits[order], len(q)
     complex_count, complete, infinite = None, "searched", 0
     multiplicity = np.ones(n, dtype=int)
     if whole is not None:
         infinite = whole.infinite
-        complex_count = len(whole.q)
-        agree = _all_counted(m, q, whole)
-        if whole.known and not whole.lost and agree:
-            complete = "counted"
+        multiplicity = _multiplicities(question, q, whole)
+        explained = int(multiplicity.sum()) - n + int((multiplicity > 1).sum())
+        agree = _all_counted(m, q[multiplicity == 1], whole)
+        if families:
+            notes.append("Where families stand, solutions cannot be counted.")
+        elif whole.known and whole.lost == explained and agree:
+            complete, complex_count = "counted", len(whole.q) + whole.lost
         else:
             notes.append(_why_not(whole, agree=agree))
     every = np.repeat(question.targets[None], n, axis=0)
@@ -305,6 +331,29 @@ def _all_counted(mechanism: Mechanism, q: np.ndarray, whole: Counted) -> bool:
     known, mine = shapes.of(whole.q), shapes.of(q)
     apart = np.abs(mine[:, None].astype(complex) - known[None]).max(axis=2).min(axis=1)
     return bool((apart < 1e3 * SAME).all())
+
+
+def _multiplicities(question: Question, q: np.ndarray, whole: Counted) -> np.ndarray:
+    """How many paths end in each posture (n, nq): those that are lost end in singular ones."""
+    found = np.ones(len(q), dtype=int)
+    singular = [i for i, posture in enumerate(q) if _is_singular(question, posture)]
+    if not singular or not whole.lost:
+        return found
+    shapes = Shapes(question.problem.mechanism)
+    ends, mine = shapes.of(whole.singular), shapes.of(q[singular])
+    apart = np.abs(ends[:, None] - mine[None].astype(complex)).max(axis=2)
+    nearest = np.argmin(apart, axis=1)
+    for k, i in enumerate(singular):
+        count = int(((nearest == k) & (apart.min(axis=1) < NEAR)).sum())
+        found[i] = max(count, 1)
+    return found
+
+
+def _is_singular(question: Question, q: np.ndarray) -> bool:
+    """Whether the equations lose rank at a posture (nq,), as well as rounding tells."""
+    s = np.linalg.svd(question.problem.jacobian_at(q), compute_uv=False)
+    rank = len(question.problem.kept)
+    return bool(rank and s[rank - 1] < SINGULAR * s[0])
 
 
 def _why_not(whole: Counted, *, agree: bool) -> str:

@@ -9,12 +9,18 @@ from __future__ import annotations
 import io
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
 from closedchain.closure.modes.blocks import blocks_of
 from closedchain.closure.modes.complex_equations import ComplexEquations
-from closedchain.closure.modes.monodromy import Generic, generic_solutions
+from closedchain.closure.modes.monodromy import (
+    Generic,
+    generic_solutions,
+    merged,
+    random_place,
+)
 from closedchain.closure.modes.paths import Block, Place, track
 from closedchain.closure.modes.shapes import Shapes, groups
 from closedchain.closure.solve.problem import Problem
@@ -38,6 +44,8 @@ class Counted:
         Whether the check of every block's generic solutions holds.
     infinite, lost : int
         Paths that went to infinity, and that ended elsewhere: at solutions that are singular.
+    singular : (lost, nq) complex array
+        Where these ended.
     """
 
     q: np.ndarray
@@ -45,6 +53,7 @@ class Counted:
     known: bool
     infinite: int
     lost: int
+    singular: np.ndarray
 
 
 def counted(
@@ -61,35 +70,58 @@ def counted(
     q = problem.mechanism.home[None].astype(complex)
     q[:, problem.pinned_q] = targets[: len(problem.pinned)]
     sizes, known, infinite, lost = [], True, 0, 0
+    singular = q[:0]
     for number, block in enumerate(blocks_of(equations)):
         generic = _generic(block, shapes, number, report)
         sizes.append(len(generic.q))
         known = known and generic.known
         if report is not None:
             report("following solutions to the values asked for", len(q) * len(generic.q))
-        q, away, gone = _followed(block, generic, targets, q)
-        infinite, lost = infinite + away, lost + gone
+        wanted = len(q) * len(generic.q)
+        q, ends = _followed(block, generic, shapes, targets, q)
+        infinite, lost = infinite + wanted - len(q) - len(ends), lost + len(ends)
+        singular = np.concatenate([singular, ends])
     q = q[equations.proper(q, targets)]
     if len(q):
         q = q[np.unique(groups(shapes.of(q)), return_index=True)[1]]
-    return Counted(q, tuple(sizes), known, infinite, lost)
+    return Counted(q, tuple(sizes), known, infinite, lost, singular)
 
 
 def _followed(
-    block: Block, generic: Generic, targets: np.ndarray, q: np.ndarray
-) -> tuple[np.ndarray, int, int]:
-    """Solutions of a block for each solution (n, nq) of those before; how many paths failed."""
-    starts = np.repeat(generic.q[None], len(q), axis=0).reshape(-1, q.shape[1])
-    given = np.repeat(q, len(generic.q), axis=0)
-    found, infinite, lost = [q[:0]], 0, 0
-    for begin in range(0, len(starts), TOGETHER):
+    block: Block, generic: Generic, shapes: Shapes, targets: np.ndarray, q: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Solutions of a block for each solution (n, nq) of those before; ends of paths that are lost.
+
+    Where paths fail, all are followed once more by another way: what is at infinity on one may be
+    near enough on the other.
+    """
+    rng = np.random.default_rng(1)
+    found, lost = _route(block, [generic.place], generic.q, targets, q)
+    if len(found) < len(q) * len(generic.q):
+        around = [generic.place, random_place(block, rng)]
+        more, ends = _route(block, around, generic.q, targets, q)
+        found = merged(shapes, found, more)
+        lost = lost if len(lost) >= len(ends) else ends
+    return found, lost[: len(q) * len(generic.q) - len(found)]
+
+
+def _route(
+    block: Block, places: list[Place], starts: np.ndarray, targets: np.ndarray, q: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Ends of the paths from solutions through places to the targets: good ones, and lost ones."""
+    for one, two in pairwise(places):
+        arrived = track(block, one, two, starts)
+        starts = arrived.q[arrived.good]
+    every = np.repeat(starts[None], len(q), axis=0).reshape(-1, q.shape[1])
+    given = np.repeat(q, len(starts), axis=0)
+    found, lost = [q[:0]], [q[:0]]
+    for begin in range(0, len(every), TOGETHER):
         part = slice(begin, begin + TOGETHER)
         end = Place(targets.astype(complex), given[part])
-        arrived = track(block, generic.place, end, starts[part])
+        arrived = track(block, places[-1], end, every[part])
         found.append(arrived.q[arrived.good])
-        infinite += int(arrived.infinite.sum())
-        lost += int((~arrived.good & ~arrived.infinite).sum())
-    return np.concatenate(found), infinite, lost
+        lost.append(arrived.q[~arrived.good & ~arrived.infinite])
+    return np.concatenate(found), np.concatenate(lost)
 
 
 def _generic(

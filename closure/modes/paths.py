@@ -21,7 +21,7 @@ SOLVED = 1e-10  # dimensionless correction of a solution
 MOST_STEPS = 2000
 SHIFT = 1e-6  # of the path parameter: for the slope of what is prescribed
 FAR = 1e4  # dimensionless: lengths beyond are at infinity
-HIGH = 8.0  # imaginary part of an angle beyond which it is
+HIGH = 14.0  # imaginary part of an angle beyond which it is
 
 
 @dataclass(frozen=True, eq=False)

@@ -157,31 +157,41 @@ class Postures:
             ],
         }
 
+    def _evidence(self) -> str:
+        """How sure the number of postures is."""
+        if self.complete == "counted":
+            real = f"of which {'these are' if self.count > 1 else 'this is'} real"
+            if not self.count:
+                real = "none of them real"
+            return f"Counted: {self.complex_count} complex solutions, {real}."
+        if not self.count:
+            return (
+                f"Searched: none of {self.starts} starts led to one. That proves nothing: there "
+                "may be some."
+            )
+        least = int(self.hits.min())
+        return (
+            f"Searched: {self.starts} starts, no posture hit less than {least} times; by the hits "
+            f"{self.unseen:.1f} more may be unseen, at least. That none is missing is not proved."
+        )
+
     @property
     def text(self) -> str:
         """What was found and how sure that is, in sentences."""
         what = "posture" if self.count == 1 else "postures"
         lines = [f"{self.count} {what} with {self.held}."]
-        if self.complete == "counted":
-            lines.append(
-                f"Counted: {self.complex_count} complex solutions, of which these are real."
-            )
-        else:
-            least = int(self.hits.min()) if self.count else 0
-            lines.append(
-                f"Searched: {self.starts} starts, no posture hit less than {least} times; by the "
-                f"hits {self.unseen:.1f} more may be unseen, at least. That none is missing is not "
-                "proved."
-            )
+        lines.append(self._evidence())
         if self.infinite:
             lines.append(f"{self.infinite} generic solutions are at infinity here.")
         if self.count and self.certified.all():
             lines.append(
                 f"Each is proved to exist, alone within {self.radius.max():.0e} (Krawczyk's test)."
             )
-        elif self.count:
+        elif self.count and not self.families:
             left = int((~self.certified).sum())
-            lines.append(f"{left} could not be proved to be alone: singular, or nearly so.")
+            lines.append(
+                f"Of {left} it is not proved that {'it is' if left == 1 else 'they are'} alone."
+            )
         for i in np.flatnonzero(self.multiplicity > 1):
             lines.append(f"{self.names[i]} counts {self.multiplicity[i]} times: it is singular.")
         for dimension in sorted({f.dimension for f in self.families}):

@@ -23,11 +23,14 @@ from closedchain.closure.modes.shapes import Shapes, groups
 from closedchain.closure.solve.outcome import Ending
 from closedchain.closure.solve.problem import Problem
 from closedchain.closure.solve.search import search
+from closedchain.closure.turns import tied
 
 BATCH = 256
 ENOUGH = 4  # hits of every mode, after which nothing more is sought
 LEAST = 1024  # starts at least
 MOST = 20_000
+
+KEPT = 48  # postures that do not settle
 
 GOOD = (Ending.ARRIVED.code, Ending.LIMIT.code)
 
@@ -50,11 +53,14 @@ class Sought:
         A posture of each shape: within limits where one that was hit is, near home.
     hits : (n,) int array
     starts : int
+    unsettled : (k, nq) array
+        Postures that are nearly closed and that Newton's method refuses: singular ones, maybe.
     """
 
     q: np.ndarray
     hits: np.ndarray
     starts: int
+    unsettled: np.ndarray
 
     @property
     def unseen(self) -> float:
@@ -81,11 +87,13 @@ def sought(
     m, rng = problem.mechanism, np.random.default_rng(wanted.seed)
     q = np.zeros((0, m.model.nq))
     hits, gone = np.zeros(0, dtype=int), 0
-    begin = m.home[None]
+    begin, unsettled = m.home[None], np.zeros((0, m.model.nq))
     while gone < wanted.most:
         begin = np.concatenate([begin, random_starts(m, rng, BATCH - len(begin) % BATCH)])
         found = search(problem, np.repeat(targets[None], len(begin), axis=0), begin[:, None])
         good = np.isin(found.codes, GOOD)
+        left = found.q[found.codes == Ending.SLOW.code]
+        unsettled = np.concatenate([unsettled, left])[:KEPT]
         gone += len(begin)
         q, hits = _counted(shapes, q, hits, found.q[good])
         begin = begin[:0]
@@ -95,7 +103,7 @@ def sought(
             break
         if gone >= MOST // 4 and not len(q):
             break
-    return Sought(q, hits, gone)
+    return Sought(q, hits, gone, unsettled)
 
 
 def closed_postures(
@@ -140,13 +148,17 @@ def chosen(mechanism: Mechanism, q: np.ndarray, group: np.ndarray) -> np.ndarray
 
 
 def unwound(mechanism: Mechanism, q: np.ndarray) -> np.ndarray:
-    """Postures (n, nq) with angles moved by whole turns to within limits, next to home."""
+    """Postures (n, nq) with angles moved by whole turns to within limits, next to home.
+
+    Angles that relations tie count their turns, and stay.
+    """
     found, model = np.array(q), mechanism.model
+    counting = tied(mechanism)
     low, high = mechanism.limits
     turn = 2.0 * np.pi
     for j in range(1, model.njoints):
         i, v = model.idx_qs[j], model.idx_vs[j]
-        if model.nqs[j] != 1 or mechanism.translational[v]:
+        if model.nqs[j] != 1 or mechanism.translational[v] or counting[v]:
             continue
         x = found[:, i]
         x = mechanism.home[i] + (x - mechanism.home[i] + np.pi) % turn - np.pi

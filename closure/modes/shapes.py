@@ -13,13 +13,16 @@ from functools import cached_property
 
 import numpy as np
 
-from closedchain.closure.closures import Closure
+from closedchain.closure.closures import Closure, Coupling
 from closedchain.closure.mechanism import Mechanism
 from closedchain.closure.modes.complex_tape import ComplexTape, complex_tape
 from closedchain.closure.tape.expression import Expr, Graph
 from closedchain.closure.tape.machine import Compiled, compiled
 from closedchain.closure.tape.rows import Kinematics, kinematics
 from closedchain.closure.tape.vectors import Pose, column
+
+WHOLE = 1e-12
+"""Of a ratio: nearer to a whole number than this it is one."""
 
 SAME = 1e-6
 """Dimensionless: shapes that differ by less are one."""
@@ -52,6 +55,7 @@ class Shapes:
                 numbers += list(pose[1]) if closure.joint_kind.holds_point else _line(k, pose)
         if m.task is not None:
             numbers += _body(k.named(m.task.tip)[0])
+        numbers += [k.q[i] * (1.0 / unit) for i, unit in turns_that_count(m)]
         moving = [x for x in dict.fromkeys(numbers) if x.value is None]
         if self.used is not None:
             moving = [moving[i] for i in self.used]
@@ -96,6 +100,37 @@ class Shapes:
         if self.used is not None:
             kept = np.array(self.used)[kept]
         return Shapes(self.mechanism, tuple(int(i) for i in kept))
+
+
+def turns_that_count(mechanism: Mechanism) -> list[tuple[int, float]]:
+    """Joints whose whole turns are other postures: index in q, and unit.
+
+    Relations tie them to slides, or by ratios that are no whole numbers.
+    """
+    found = {
+        part.q: float(mechanism.column_scale[part.v])
+        for closure in mechanism.closures
+        if isinstance(closure, Coupling) and not _whole(mechanism, closure)
+        for part in closure.joints
+    }
+    return sorted(found.items())
+
+
+def _whole(mechanism: Mechanism, relation: Coupling) -> bool:
+    """Whether whole turns of the leaders are whole turns of the follower, or nothing turns."""
+    slides = [bool(mechanism.translational[part.v]) for part in relation.joints]
+    if all(slides):
+        return True
+    if any(slides):
+        return False
+    first = relation.joints[0].coefficients
+    for part in relation.joints:
+        if len(part.coefficients) > 2 and any(part.coefficients[2:]):
+            return False
+        ratio = part.coefficients[1] / first[1]
+        if abs(ratio - round(ratio)) > WHOLE:
+            return False
+    return True
 
 
 def groups(shapes: np.ndarray, tolerance: float = SAME) -> np.ndarray:

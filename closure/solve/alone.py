@@ -88,6 +88,11 @@ def close_alone(problem: Problem, q: np.ndarray, target: np.ndarray) -> np.ndarr
     return found.q if found.refusal is None else None
 
 
+def system_at(problem: Problem, target: np.ndarray, q: np.ndarray) -> tuple[System, np.ndarray]:
+    """Equations at a target (prescribed,); a posture (nq,) with what is pinned moved there."""
+    return _Between(problem, target, target)(q, 1.0)
+
+
 def follow_alone(
     problem: Problem, q: np.ndarray, begin: np.ndarray, end: np.ndarray, smallest: float
 ) -> tuple[np.ndarray, float]:

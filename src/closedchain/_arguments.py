@@ -83,7 +83,7 @@ def load_robot(
             )
         return cc.load(name, variant=variant, **parameters)
     path = example_file(name) if name.startswith(PREFIX) else Path(name)
-    if not path.is_file():
+    if not path.exists() or path.is_dir():
         if path.is_dir():
             raise DescriptionError(f"{name} is a folder, not a file of a robot")
         if path.suffix or path.name != name:

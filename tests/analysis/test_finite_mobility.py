@@ -65,3 +65,10 @@ def test_where_branches_part_each_has_its_own() -> None:
         tip="bar",
     )
     assert cc.mobility(m).finite_at(m.home) == (1,)
+
+
+def test_open_postures_are_refused(wren: cc.Mechanism) -> None:
+    q = np.array(wren.home)
+    q[2] += 0.1
+    with pytest.raises(cc.ClosureError, match="open there by"):
+        cc.mobility(wren).finite_at(q)

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 from conftest import Tolerances
-from small_linkages import GRASHOF, ROCKING, four_bar, four_bar_angles
+from small_linkages import GRASHOF, ROCKING, build, four_bar, four_bar_angles, joint, loop
 
 import closedchain as cc
 from closedchain.closure.modes.complex_equations import ComplexEquations
@@ -148,6 +148,79 @@ def test_d1_has_256_of_which_68_are_real_at_home() -> None:
     tips = np.array([m.point(q, "platform") for q in found.q])
     for assembly in d1.forward(inputs, d1.geometry()).assemblies:
         assert np.abs(tips - assembly.platform.position).max(axis=1).min() < 1e-8
+
+
+# -- singular values, whole turns, relations -------------------------------------------------------
+
+
+def test_where_two_modes_meet_there_is_one_that_counts_twice() -> None:
+    """The rocker drives, crank and rod are stretched out: 0.15 + 0.35 = hypot(0.3, 0.4)."""
+    bars = (0.15, 0.35, 0.3, 0.4)
+    m = four_bar(bars, math.acos(0.8))
+    held = {"rocker_joint": math.pi / 2.0}
+    found = cc.postures(m, fixed=held)
+    assert (found.complete, found.complex_count, len(found)) == ("counted", 2, 1)
+    assert found.multiplicity.tolist() == [2]
+    assert not found.certified[0]
+    assert abs(float(np.sin(found.q[0][1]))) < 1e-6
+    assert "counts 2 times: it is singular" in found.text
+    near = cc.postures(m, fixed={"rocker_joint": math.pi / 2.0 - 0.05})
+    assert (near.complete, near.complex_count) == ("counted", 2)
+
+
+def test_a_family_at_special_values_is_told() -> None:
+    """A rhombus with its crank on the ground bar: rod and rocker turn together."""
+    m = four_bar((0.3, 0.3, 0.3, 0.3), 0.7)
+    found = cc.postures(m, inputs=[0.0])
+    assert [f.dimension for f in found.families] == [1]
+    q = found.families[0].q
+    assert np.abs(m.workspace.residual(q)).max() < 1e-9
+    assert found.complete == "searched"
+    assert "family of postures, of dimension 1" in found.text
+
+
+@pytest.mark.parametrize("turns", [1, -3, 795])
+def test_whole_turns_of_what_is_held_change_nothing(turns: int) -> None:
+    m = four_bar(GRASHOF, 0.3)
+    found = cc.postures(m, inputs=[0.3 + 2.0 * np.pi * turns])
+    assert (found.complete, found.complex_count, len(found)) == ("counted", 2, 2)
+
+
+def tied(multiplier: float, offset: float) -> cc.Mechanism:
+    """A five-bar whose second crank follows the first."""
+    mimic = f'<mimic joint="A" multiplier="{multiplier}" offset="{offset}"/>'
+    parts = [
+        joint("A", "base", "left"),
+        joint("B", "left", "left_rod", "0.2 0 0"),
+        joint("C", "base", "right", "0.2 0 0", more=mimic),
+        joint("D", "right", "right_rod", "0.2 0 0"),
+        loop("revolute", "left_rod", "0.25 0 0", "right_rod", "0.25 0 0"),
+    ]
+    home = {"A": 2.0, "B": -1.2, "C": multiplier * 2.0 + offset, "D": 1.2}
+    task = '<task base="base" tip="left_rod" outputs="rz"/>'
+    return build("base left left_rod right right_rod", parts, home, "A", task)
+
+
+def test_relations_hold_in_every_posture() -> None:
+    """Angles that a mimic ties are not turned back on their own."""
+    whole = tied(-2.0, 6.1)
+    for value in (0.4, 2.0, 8.0):
+        found = cc.postures(whole, inputs=[value])
+        assert found.residual.max(initial=0.0) < 1e-9
+        assert found.complete == "counted"
+    parts = tied(-2.5, 6.1)
+    found = cc.postures(parts, fixed={"B": -1.0})
+    assert found.complete == "searched"
+    assert found.complex_count is None
+    assert "count whole turns" in found.text
+    assert len(found) >= 4
+    assert found.residual.max() < 1e-9
+
+
+def test_nothing_found_is_not_called_certain() -> None:
+    found = cc.postures(four_bar(ROCKING, 0.9), inputs=[math.pi], count=False)
+    assert len(found) == 0
+    assert "That proves nothing" in found.text
 
 
 # -- what cannot be asked -------------------------------------------------------------------------

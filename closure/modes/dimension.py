@@ -9,12 +9,15 @@ That is done beside the posture, since several branches may part at it.
 
 from __future__ import annotations
 
+from typing import Protocol
+
 import numpy as np
 import pinocchio as pin
 
 from closedchain.closure.equations import Equations
 from closedchain.closure.mechanism import Mechanism
 from closedchain.closure.solve.descend import descend
+from closedchain.closure.solve.newton import Rows
 
 AWAY = 0.2  # dimensionless: to postures at which the dimension is measured
 NEAR = 0.01  # dimensionless: to those that measure it
@@ -27,6 +30,18 @@ FLAT = 1e-5  # share of the largest singular value: directions in which closures
 CLOSED = 1e-9  # m or rad: where closures hold to the second order, postures are found no better
 
 
+class HeldEquations(Rows, Protocol):
+    """Equations of a mechanism in some of its tangent coordinates."""
+
+    @property
+    def mechanism(self) -> Mechanism:
+        """The mechanism."""
+
+    @property
+    def free(self) -> np.ndarray:
+        """Tangent coordinates that may change."""
+
+
 def finite_dimensions(mechanism: Mechanism, q: np.ndarray) -> tuple[int, ...]:
     """Dimensions of the branches of closed postures around one (nq,), the largest first.
 
@@ -34,8 +49,12 @@ def finite_dimensions(mechanism: Mechanism, q: np.ndarray) -> tuple[int, ...]:
     """
     if not mechanism.rows:
         return (int(mechanism.model.nv),)
+    return dimensions(Equations(mechanism, np.arange(mechanism.model.nv)), q)
+
+
+def dimensions(equations: HeldEquations, q: np.ndarray) -> tuple[int, ...]:
+    """Dimensions of the branches of solutions around one (nq,), some joints held as they are."""
     rng = np.random.default_rng(0)
-    equations = Equations(mechanism, np.arange(mechanism.model.nv))
     tangent = _tangent(equations, q)
     directions = rng.standard_normal((PLACES, tangent.shape[1])) @ tangent.T
     _, places = _closed(equations, q, directions, AWAY)
@@ -43,8 +62,8 @@ def finite_dimensions(mechanism: Mechanism, q: np.ndarray) -> tuple[int, ...]:
     return tuple(sorted(found, reverse=True)) or (0,)
 
 
-def _dimension(equations: Equations, q: np.ndarray, rng: np.random.Generator) -> int:
-    """Dimension of the set of postures next to one."""
+def _dimension(equations: HeldEquations, q: np.ndarray, rng: np.random.Generator) -> int:
+    """Dimension of the set of solutions next to one."""
     basis = _tangent(equations, q)
     for _ in range(ROUNDS):
         count = basis.shape[1]
@@ -64,26 +83,27 @@ def _dimension(equations: Equations, q: np.ndarray, rng: np.random.Generator) ->
     return basis.shape[1]
 
 
-def _tangent(equations: Equations, q: np.ndarray) -> np.ndarray:
-    """Directions (nv, k) in which the closures hold to the first order."""
+def _tangent(equations: HeldEquations, q: np.ndarray) -> np.ndarray:
+    """Directions (free, k) in which the closures hold to the first order."""
     _, s, vt = np.linalg.svd(equations.evaluate(q)[1])
     rank = int((s > FLAT * s[0]).sum()) if s.size else 0
     return np.asarray(vt[rank:].T)
 
 
 def _closed(
-    equations: Equations, q: np.ndarray, directions: np.ndarray, step: float
+    equations: HeldEquations, q: np.ndarray, directions: np.ndarray, step: float
 ) -> tuple[np.ndarray, list[np.ndarray]]:
-    """Where steps along directions (k, nv) lead when they are closed.
+    """Where steps along directions (k, free) lead when they are closed.
 
-    The steps (m, nv) that are left, in units of ``step``, and the postures.
+    The steps (m, free) that are left, in units of ``step``, and the postures.
     """
     m = equations.mechanism
-    steps, found = [np.zeros((0, m.model.nv))], []
+    steps, found = [np.zeros((0, len(equations.free)))], []
     for direction in directions:
         begin = equations.move(q, step * direction / np.linalg.norm(direction))
         near = descend(equations, begin, evaluations=400)
-        apart = pin.difference(m.model, q, near.q) / m.column_scale / step
+        moved = pin.difference(m.model, q, near.q) / m.column_scale
+        apart = moved[equations.free] / step
         if near.residual < CLOSED and np.linalg.norm(apart) < FARTHEST:
             steps.append(apart[None])
             found.append(near.q)

@@ -1,0 +1,59 @@
+"""Singular postures among all: where two modes have met, and families at special values.
+
+Newton's method refuses them, so random starts end short of them. Descent by LAPACK goes on from
+there, and the place of a double root is found by its Jacobian.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from closedchain.closure.constraints import flipped_axes
+from closedchain.closure.modes.dimension import dimensions
+from closedchain.closure.modes.result import Family
+from closedchain.closure.modes.seeking import Sought, unwound
+from closedchain.closure.modes.shapes import Shapes
+from closedchain.closure.solve.alone import system_at
+from closedchain.closure.solve.descend import descend
+from closedchain.closure.solve.double_roots import at_fold
+from closedchain.closure.solve.problem import Problem
+
+CLOSED = 1e-10  # m or rad
+SAME = 1e-4  # dimensionless: shapes that differ by less are one, at a double root
+MOST = 12  # singular postures, or families
+
+
+def with_singular(
+    problem: Problem, targets: np.ndarray, found: Sought
+) -> tuple[Sought, tuple[Family, ...]]:
+    """What was sought, with the singular postures that its starts came near to; and families."""
+    m = problem.mechanism
+    shapes = Shapes(m)
+    known = list(shapes.of(found.q)) if len(found.q) else []
+    alone: list[np.ndarray] = []
+    families: list[Family] = []
+    for start in found.unsettled:
+        if len(alone) + len(families) >= MOST:
+            break
+        system, moved = system_at(problem, targets, start)
+        near = at_fold(system, descend(system, moved, evaluations=400))
+        if near.residual > CLOSED or flipped_axes(m, near.q):
+            continue
+        q = unwound(m, near.q[None])
+        shape = shapes.of(q)[0]
+        if any(np.abs(shape - other).max(initial=0.0) < SAME for other in known):
+            continue
+        known.append(shape)
+        dimension = dimensions(system, q[0])[0]
+        if dimension == 0:
+            alone.append(q[0])
+        elif all(f.dimension != dimension for f in families):
+            families.append(Family(dimension, q[0]))
+    every = [*alone, *(f.q for f in families)]
+    if not every:
+        return found, ()
+    q = np.concatenate([found.q, np.array(every)])
+    hits = np.concatenate([found.hits, np.ones(len(every), dtype=int)])
+    return replace(found, q=q, hits=hits), tuple(families)
