@@ -119,6 +119,11 @@ class Survey:
     @property
     def text(self) -> str:
         """Notes on slices and sets, and the null space at home."""
+        return "\n".join([*self.notes, *self.details, "At home: " + self.redundancy.text])
+
+    @property
+    def details(self) -> tuple[str, ...]:
+        """How sets were sought where that is not as usual, and what led to nothing."""
         sets = [(part.name, found) for part in self.slices for found in part.sets]
         said: dict[tuple[str, str], list[str]] = {}
         for name, found in sets:
@@ -128,7 +133,7 @@ class Survey:
         dropped = sum(found.dropped for _, found in sets)
         if dropped:
             notes.append(f"{dropped} places between cells led to no singular posture")
-        return "\n".join([*self.notes, *notes, "At home: " + self.redundancy.text])
+        return tuple(notes)
 
 
 def survey(

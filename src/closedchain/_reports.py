@@ -294,17 +294,24 @@ def classification(mechanism: Mechanism, q: np.ndarray, found: Classification, j
     say(f"\n{found.text}")
 
 
-def survey(found: Survey, written: Mapping[str, Path], json: bool) -> None:
-    """Summary of a survey and where its results lie."""
+def survey(found: Survey, written: Mapping[str, Path], json: bool, *, details: bool) -> None:
+    """Summary of a survey and where its results lie; columns that are all zero are left out."""
     rows = found.summary()
     if json:
         print_json({"summary": rows, "files": {k: str(p) for k, p in written.items()}})
         return
     if rows:
-        table(list(rows[0]), [list(row.values()) for row in rows])
+        shown = [name for name in rows[0] if any(row[name] != 0 for row in rows)]
+        table(shown, [[row[name] for name in shown] for row in rows])
         say("")
-    if found.text:
+    if details:
         say(found.text)
+    else:
+        for note in found.notes:
+            say(note)
+        if found.details:
+            say(f"{len(found.details)} remarks on how sets were sought: --details shows them.")
+        say("At home: " + found.redundancy.text)
     for path in written.values():
         say(str(path))
 

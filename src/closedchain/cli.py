@@ -271,6 +271,9 @@ def singularities(
     variant: Variant = None,
     no_xacro: NoXacro = False,
     json: Json = False,
+    details: Annotated[
+        bool, typer.Option("--details", help="Say how sets were sought and what led to nothing.")
+    ] = False,
 ) -> None:
     """Map the singularities over coordinates of a robot, into a folder.
 
@@ -310,7 +313,7 @@ def singularities(
     written = write_survey(found, out)
     page = out / f"{re.sub(r'[^A-Za-z0-9._-]', '_', mechanism.name)}.html"
     page.write_text(survey_page(found, start, up=arguments.up_axis(robot)), encoding="utf-8")
-    reports.survey(found, {**written, page.name: page}, json)
+    reports.survey(found, {**written, page.name: page}, json, details=details)
 
 
 @app.command()
