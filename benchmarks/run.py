@@ -23,7 +23,7 @@ os.environ.update(dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1"
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks import batch, cases, cold, exported, forces, sets, stacks
+from benchmarks import batch, cases, cold, exported, forces, modes, sets, stacks
 from benchmarks.placo_peer import installed
 from benchmarks.timing import OURS, Row
 from closedchain.robots.catalogue import robots
@@ -59,6 +59,7 @@ SECTIONS: dict[str, Callable[[argparse.Namespace], Iterable[Row]]] = {
     "forces": lambda o: (row for case in cases.CASES for row in forces.rows(case, o.repeats)),
     "batch": lambda o: batch.rows(o.cells),
     "sets": lambda o: sets.rows(o.cells, o.surveys),
+    "modes": lambda o: modes.rows(("eclipse", "linear_delta", "rus6", "d1")),
     "cold": lambda o: cold.rows(("d1", "linear_delta"), 5),
     "stacks": lambda o: stacks.rows(o.stacks, min(o.cells, 25)),
 }

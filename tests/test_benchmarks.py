@@ -10,7 +10,7 @@ import pytest
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # benchmarks/ is not installed
 
 import closedchain as cc
-from benchmarks import batch, cases, cold, exported, forces, run, sets, stacks
+from benchmarks import batch, cases, cold, exported, forces, modes, run, sets, stacks
 from benchmarks.following import DIRECT, INVERSE
 from benchmarks.placo_peer import TOOL as PLACO
 from benchmarks.timing import OURS, Row
@@ -128,3 +128,11 @@ def test_report_and_table(
 )
 def test_durations(seconds: float, text: str) -> None:
     assert run.duration(seconds) == text
+
+
+def test_all_postures() -> None:
+    found = sound(modes.rows(("linear_delta",), first=False))
+    assert [row["work"] for row in found] == [modes.SEARCHED, modes.KEPT, modes.PROVED]
+    assert found[0]["note"] == "2 real"
+    assert found[1]["note"] == "2 real of 2"
+    assert found[2]["note"] == "2 of 2"
