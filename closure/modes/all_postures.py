@@ -25,7 +25,7 @@ from closedchain.closure.modes.seeking import (
     sought,
     unwound,
 )
-from closedchain.closure.modes.shapes import SAME, Shapes, groups, turns_that_count
+from closedchain.closure.modes.shapes import SAME, Shapes, groups, shapes_of, turns_that_count
 from closedchain.closure.modes.singular import with_singular
 from closedchain.closure.nearest import beyond_limits
 from closedchain.closure.position import driven, posed
@@ -133,7 +133,7 @@ def postures(
     if not question.problem.square:
         return _families(question, asked)
     notes: list[str] = []
-    found, in_time = _searched(question, Shapes(mechanism), asked)
+    found, in_time = _searched(question, shapes_of(mechanism), asked)
     if not in_time:
         notes.append("The time allowed was used up while searching.")
     found, families = with_singular(question.problem, question.targets, found)
@@ -148,7 +148,7 @@ def postures(
         except TypeError as error:  # what complex numbers do not have
             notes.append(f"The solutions cannot be counted: {error}.")
         else:
-            found = _together(question, Shapes(mechanism), found, whole)
+            found = _together(question, shapes_of(mechanism), found, whole)
     return _result(question, found, whole, families, notes)
 
 
@@ -168,7 +168,7 @@ def _counted(question: Question, asked: Search) -> Counted:
     turns = (turning(m) & ~tied(m))[list(problem.pinned)]
     held = targets[: len(problem.pinned)]
     targets[: len(problem.pinned)] = without_turns(held, turns)
-    return counted(problem, Shapes(m), targets, asked.report)
+    return counted(problem, shapes_of(m), targets, asked.report)
 
 
 def _searched(question: Question, shapes: Shapes, asked: Search) -> tuple[Sought, bool]:
@@ -183,7 +183,7 @@ def _searched(question: Question, shapes: Shapes, asked: Search) -> tuple[Sought
 def _families(question: Question, asked: Search) -> Postures:
     """Postures that are not isolated: one of each family that idle motions do not join."""
     problem, targets = question.problem, question.targets
-    shapes = Shapes(problem.mechanism)
+    shapes = shapes_of(problem.mechanism)
     for q in closed_postures(problem, targets, asked, LOOKED_AT):
         basis, _ = null_space(problem.jacobian_at(q))
         motions = np.zeros((problem.mechanism.model.nv, basis.shape[1]))
@@ -327,7 +327,7 @@ def _all_counted(mechanism: Mechanism, q: np.ndarray, whole: Counted) -> bool:
         return True
     if not len(whole.q):
         return False
-    shapes = Shapes(mechanism)
+    shapes = shapes_of(mechanism)
     known, mine = shapes.of(whole.q), shapes.of(q)
     apart = np.abs(mine[:, None].astype(complex) - known[None]).max(axis=2).min(axis=1)
     return bool((apart < 1e3 * SAME).all())
@@ -339,7 +339,7 @@ def _multiplicities(question: Question, q: np.ndarray, whole: Counted) -> np.nda
     singular = [i for i, posture in enumerate(q) if _is_singular(question, posture)]
     if not singular or not whole.lost:
         return found
-    shapes = Shapes(question.problem.mechanism)
+    shapes = shapes_of(question.problem.mechanism)
     ends, mine = shapes.of(whole.singular), shapes.of(q[singular])
     apart = np.abs(ends[:, None] - mine[None].astype(complex)).max(axis=2)
     nearest = np.argmin(apart, axis=1)
@@ -371,7 +371,7 @@ def _order(mechanism: Mechanism, q: np.ndarray) -> np.ndarray:
     """Order of postures (n, nq): home's first, the others by where their joints stand."""
     if not len(q):
         return np.zeros(0, dtype=int)
-    shapes = Shapes(mechanism)
+    shapes = shapes_of(mechanism)
     numbers = shapes.of(q)
     spread = np.sin(np.arange(1, numbers.shape[1] + 1) * 1.7) if numbers.shape[1] else np.zeros(0)
     home = np.abs(numbers - shapes.of(mechanism.home[None])).max(axis=1, initial=0.0) < 1e-3
@@ -380,7 +380,7 @@ def _order(mechanism: Mechanism, q: np.ndarray) -> np.ndarray:
 
 def _names(mechanism: Mechanism, q: np.ndarray, branch: np.ndarray) -> tuple[str, ...]:
     """Names of the description where a posture has one; else a sign and a number."""
-    shapes = Shapes(mechanism)
+    shapes = shapes_of(mechanism)
     own = {}
     if len(q):
         mine = shapes.of(q)

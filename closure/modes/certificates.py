@@ -81,7 +81,8 @@ def certified(problem: Problem, q: np.ndarray, targets: np.ndarray) -> Certifica
     """Prove postures (n, nq) at targets (prescribed,); the kept rows are as many as unknowns."""
     n, size = len(q), len(problem.free)
     proved, radius = np.zeros(n, dtype=bool), np.full(n, np.nan)
-    proving = Proving(problem)
+    key = "modes.proving", problem.pinned, problem.goals
+    proving = problem.mechanism.known.setdefault(key, Proving(problem))
     every = np.repeat(targets[None], n, axis=0)
     for r in RADII:
         left = np.flatnonzero(~proved)

@@ -124,6 +124,13 @@ class ComplexEquations:
         return found
 
 
+def equations_of(problem: Problem) -> ComplexEquations:
+    """Equations of a problem, made once."""
+    key = "modes.equations", problem.pinned, problem.goals
+    found: ComplexEquations = problem.mechanism.known.setdefault(key, ComplexEquations(problem))
+    return found
+
+
 def normalised(quaternions: np.ndarray) -> np.ndarray:
     """Quaternions (n, 4) divided by the root of their sum of squares, without conjugates."""
     size = np.sqrt((quaternions * quaternions).sum(axis=1, keepdims=True))

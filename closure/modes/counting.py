@@ -14,7 +14,7 @@ from itertools import pairwise
 import numpy as np
 
 from closedchain.closure.modes.blocks import blocks_of
-from closedchain.closure.modes.complex_equations import ComplexEquations
+from closedchain.closure.modes.complex_equations import equations_of
 from closedchain.closure.modes.monodromy import (
     Generic,
     generic_solutions,
@@ -66,7 +66,7 @@ def counted(
 
     The kept rows must be as many as the unknowns.
     """
-    equations = ComplexEquations(problem)
+    equations = equations_of(problem)
     q = problem.mechanism.home[None].astype(complex)
     q[:, problem.pinned_q] = targets[: len(problem.pinned)]
     sizes, known, infinite, lost = [], True, 0, 0

@@ -102,6 +102,12 @@ class Shapes:
         return Shapes(self.mechanism, tuple(int(i) for i in kept))
 
 
+def shapes_of(mechanism: Mechanism) -> Shapes:
+    """Shapes of a mechanism, made once."""
+    found: Shapes = mechanism.known.setdefault("modes.shapes", Shapes(mechanism))
+    return found
+
+
 def turns_that_count(mechanism: Mechanism) -> list[tuple[int, float]]:
     """Joints whose whole turns are other postures: index in q, and unit.
 

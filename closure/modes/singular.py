@@ -14,7 +14,7 @@ from closedchain.closure.constraints import flipped_axes
 from closedchain.closure.modes.dimension import dimensions
 from closedchain.closure.modes.result import Family
 from closedchain.closure.modes.seeking import Sought, unwound
-from closedchain.closure.modes.shapes import Shapes
+from closedchain.closure.modes.shapes import shapes_of
 from closedchain.closure.solve.alone import system_at
 from closedchain.closure.solve.descend import descend
 from closedchain.closure.solve.double_roots import at_fold
@@ -30,7 +30,7 @@ def with_singular(
 ) -> tuple[Sought, tuple[Family, ...]]:
     """What was sought, with the singular postures that its starts came near to; and families."""
     m = problem.mechanism
-    shapes = Shapes(m)
+    shapes = shapes_of(m)
     known = list(shapes.of(found.q)) if len(found.q) else []
     alone: list[np.ndarray] = []
     families: list[Family] = []
