@@ -364,7 +364,7 @@ def _why_not(whole: Counted, *, agree: bool) -> str:
             f"{whole.lost} paths ended before the values asked for, at singular solutions: the "
             "count is not complete."
         )
-    return "The check of the number of generic solutions did not hold: the count is not complete."
+    return "Two counts of its generic solutions do not agree: the count is not complete."
 
 
 def _order(mechanism: Mechanism, q: np.ndarray) -> np.ndarray:

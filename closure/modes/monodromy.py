@@ -1,9 +1,10 @@
 """All solutions at a generic complex place, from some: what is prescribed moves in loops.
 
 Newton's method from random complex starts finds some. After a loop through random complex places
-each solution has become one of the same place again, maybe another. Loops go on until nothing new
-appears. New random starts must then lead to nothing new either: that is the check, and it knows
-nothing of the loops. Where the solutions fall into families that loops do not mix, as the operation
+each solution has become one of the same place again, maybe another. Then all move on to another
+place, large or small, where new random starts are made and new loops gone. The work ends when
+several places, one after the other, have shown nothing new: neither loops nor starts, which know
+nothing of each other. Where solutions fall into families that loops do not mix, as the operation
 modes of a mechanism, the starts reach each of them.
 """
 
@@ -16,20 +17,20 @@ from itertools import pairwise
 import numpy as np
 
 from closedchain.closure.modes.complex_equations import normalised
-from closedchain.closure.modes.paths import HIGH, Block, Place, between, solve, track
+from closedchain.closure.modes.paths import Block, Place, between, far, solve, track
 from closedchain.closure.modes.shapes import Shapes, groups
 
-QUIET = 6  # loops without anything new before they end
-MOST_LOOPS = 60
+QUIET = 4  # places one after the other that show nothing new, before the work ends
+MOST_PLACES = 40
+LOOPS = 2  # at each place
+SPREAD = 0.7  # of the logarithm of the size of places and starts
 MOST = 2000  # solutions
 STARTS = 400  # random complex starts at once, for the check
 ROUNDS = 12
 HITS = 2  # for each solution, at least
 NEWTON = 60
 BOUND = 0.7  # dimensionless: longest step of Newton's method from afar
-WIDE = 1.0  # dimensionless: how far places are spread
-CLOSED = 1e-10
-ATTEMPTS = 4  # to begin again with what the loops had not reached
+CLOSED = 1e-7
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,11 +44,11 @@ class Generic:
     loops : int
         That were gone.
     quiet : int
-        Of these, the last ones in which nothing new appeared.
+        Places, the last ones, at which nothing new appeared.
     hits : int
-        Solutions that Newton's method found from random complex starts; all of them were known.
+        Solutions that Newton's method found there from random complex starts, all of them known.
     known : bool
-        Whether they were, and whether there were several for each solution.
+        Whether these places were as many as asked, with several hits for each solution.
     """
 
     place: Place
@@ -64,26 +65,29 @@ def generic_solutions(
     """Solutions of a generic member of a block's family, each shape once."""
     rng = np.random.default_rng(seed)
     place = random_place(block, rng)
-    q, _ = _struck(block, place, rng, 1)
+    q, hits = _struck(block, place, rng, 1)
     q = merged(shapes, q[:0], q)
-    loops, quiet, hits, known = 0, 0, 0, False
-    for _ in range(ATTEMPTS):
-        quiet = 0
-        while len(q) and quiet < QUIET and loops < MOST_LOOPS and len(q) < MOST:
-            loops += 1
-            more = merged(shapes, q, _looped(block, place, q, rng))
-            quiet = 0 if len(more) > len(q) else quiet + 1
-            q = more
-            if report is not None:
-                report(len(q))
-        others, hits = _struck(block, place, rng, len(q))
-        more = merged(shapes, q, others)
-        known = len(more) == len(q)
-        q = more
-        if known:
+    loops = quiet = total = 0
+    for _ in range(MOST_PLACES):
+        before = len(q)
+        if quiet >= QUIET or not before or before > MOST:
             break
-    enough = quiet >= QUIET and hits >= HITS * len(q)
-    return Generic(place, q, loops, quiet, hits, known and enough)
+        for _ in range(LOOPS):
+            q = merged(shapes, q, _looped(block, place, q, rng))
+            loops += 1
+        there = random_place(block, rng)
+        moved = track(block, place, there, q)
+        if not moved.good.all():
+            quiet = 0 if len(q) > before else quiet
+            continue
+        place = there
+        others, hits = _struck(block, place, rng, len(q))
+        q = merged(shapes, moved.q, others)
+        agreed = len(q) == before and hits >= HITS * before
+        quiet, total = (quiet + 1, total + hits) if agreed else (0, 0)
+        if report is not None:
+            report(len(q))
+    return Generic(place, q, loops, quiet, total, quiet >= QUIET)
 
 
 def _looped(block: Block, place: Place, q: np.ndarray, rng: np.random.Generator) -> np.ndarray:
@@ -127,7 +131,7 @@ def newton(block: Block, place: Place, q: np.ndarray) -> np.ndarray:
         step *= np.minimum(1.0, BOUND / np.maximum(size, BOUND))[:, None]
         q[i] = block.moved(q[i], step)
         done[i] = size < CLOSED
-        alive[i] &= np.isfinite(q[i]).all(axis=1) & (np.abs(q[i].imag).max(axis=1) < HIGH)
+        alive[i] &= ~far(block, q[i])
     return np.asarray(q[done])
 
 
@@ -163,18 +167,20 @@ def random_postures(block: Block, rng: np.random.Generator, count: int) -> np.nd
     """Complex postures (count, nq), angles all around, lengths about the characteristic one."""
     m = block.equations.problem.mechanism
     model = m.model
+    size = m.length * np.exp(SPREAD * rng.standard_normal(count))
+    high = 0.3j * np.exp(SPREAD * rng.standard_normal(count))
     q = np.zeros((count, model.nq), dtype=complex)
     for j in range(1, model.njoints):
         first = model.idx_qs[j]
         if model.nqs[j] == 1:
             if m.translational[model.idx_vs[j]]:
-                q[:, first] = m.length * WIDE * _normal(rng, count)
+                q[:, first] = size * _normal(rng, count)
             else:
-                q[:, first] = rng.uniform(-np.pi, np.pi, count) + 0.3j * rng.standard_normal(count)
+                q[:, first] = rng.uniform(-np.pi, np.pi, count) + high * rng.standard_normal(count)
             continue
-        q[:, first : first + 3] = m.length * WIDE * _normal(rng, (count, 3))
+        q[:, first : first + 3] = size[:, None] * _normal(rng, (count, 3))
         q[:, first + 3 : first + 7] = normalised(
-            rng.standard_normal((count, 4)) + 0.3j * rng.standard_normal((count, 4))
+            rng.standard_normal((count, 4)) + high[:, None] * rng.standard_normal((count, 4))
         )
     return q
 
@@ -187,7 +193,8 @@ def random_place(block: Block, rng: np.random.Generator) -> Place:
     poses = []
     for _ in problem.goals:
         turn = normalised(rng.standard_normal((1, 4)) + 0.3j * rng.standard_normal((1, 4)))[0]
-        poses += [*(m.length * WIDE * _normal(rng, 3)), *turn]
+        size = m.length * np.exp(SPREAD * rng.standard_normal())
+        poses += [*(size * _normal(rng, 3)), *turn]
     targets = np.concatenate([given[problem.pinned_q], np.array(poses, dtype=complex)])
     return Place(targets, given)
 

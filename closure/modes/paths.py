@@ -152,10 +152,10 @@ def track(block: Block, one: Place, two: Place, q: np.ndarray) -> Arrived:
         step[i[~accepted]] = 0.4 * h[~accepted]
         arrived = j[t[j] == 1.0]
         good[arrived], running[arrived] = True, False
-        far = _far(block, q[i])
-        lost = far | (step[i] < SMALLEST)
+        away = far(block, q[i])
+        lost = away | (step[i] < SMALLEST)
         lost &= ~good[i]
-        infinite[i[lost]] = far[lost]
+        infinite[i[lost]] = away[lost]
         running[i[lost]] = False
     return Arrived(q, good, infinite)
 
@@ -214,7 +214,7 @@ def solve(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
         return found
 
 
-def _far(block: Block, q: np.ndarray) -> np.ndarray:
+def far(block: Block, q: np.ndarray) -> np.ndarray:
     """Which postures (n, nq) have left all bounds, (n,) of bool."""
     m = block.equations.problem.mechanism
     model = m.model

@@ -145,7 +145,9 @@ def groups(shapes: np.ndarray, tolerance: float = SAME) -> np.ndarray:
 
     if not len(shapes):
         return np.zeros(0, dtype=int)
-    points = np.hstack([shapes.real, shapes.imag]) if np.iscomplexobj(shapes) else shapes
+    # large numbers, of complex postures, are known to fewer digits
+    points = shapes / (1.0 + np.abs(shapes))
+    points = np.hstack([points.real, points.imag]) if np.iscomplexobj(points) else points
     if not points.shape[1]:
         return np.zeros(len(shapes), dtype=int)
     near = cKDTree(points).query_ball_point(points, tolerance * np.sqrt(points.shape[1]))
