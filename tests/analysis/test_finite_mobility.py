@@ -72,28 +72,3 @@ def test_open_postures_are_refused(wren: cc.Mechanism) -> None:
     q[2] += 0.1
     with pytest.raises(cc.ClosureError, match="open there by"):
         cc.mobility(wren).finite_at(q)
-
-
-def test_a_flat_double_parallelogram_has_one_freedom() -> None:
-    """Three cranks side by side: beside home nothing closes but home, where rank promises two."""
-    m = linkages.load(
-        "double_parallelogram",
-        [
-            J("A", "base", "first"),
-            J("B", "first", "bar", "0.1 0 0"),
-            J("D", "base", "second", "0.4 0 0"),
-            J("E", "base", "third", "0.8 0 0"),
-        ],
-        [
-            Cut("C1", "bar", "second", "0.4 0 0", "0.1 0 0"),
-            Cut("C2", "bar", "third", "0.8 0 0", "0.1 0 0"),
-        ],
-        inputs={"q1": "A"},
-        tip="bar",
-        outputs="y",
-    )
-    found = cc.mobility(m)
-    assert (found.mobility, found.finite) == (1, 1)
-    assert "At home the rank drops" in found.text
-    moved = cc.direct(m, [0.4], guess=cc.close(m, fixed={"A": 0.3}).raise_if_failed().q)
-    assert np.abs(moved.q - [0.4, -0.4, 0.4, 0.4]).max() < 1e-9
