@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
+
 import numpy as np
 import pinocchio as pin
 from scipy.optimize import least_squares, minimize
@@ -10,7 +12,7 @@ import closedchain as cc
 from closedchain.closure.task import Goal, goal, goal_rows
 
 
-class _Rows:
+class _Rows(ABC):
     """Rows as a function of a tangent step from the last posture, in some of the coordinates."""
 
     def __init__(self, m: cc.Mechanism, q: np.ndarray) -> None:
@@ -52,8 +54,8 @@ class _Rows:
         self.goal = goal(m, m.required_task().tip, target, m.outputs())
         self.q = self.posture(self.solved(np.zeros(self.free.size)))
 
-    def solved(self, x: np.ndarray) -> np.ndarray:
-        raise NotImplementedError
+    @abstractmethod
+    def solved(self, x: np.ndarray) -> np.ndarray: ...
 
     def residual(self) -> float:
         return float(np.abs(cc.residual(self.m, self.q)).max())

@@ -132,8 +132,8 @@ def stiffness(mechanism: Mechanism, q: ArrayLike, drives: ArrayLike) -> np.ndarr
             f"{t.shape[1]} inputs and {t.shape[0]} outputs, rank {int((s > SINGULAR * s[0]).sum())}"
             ": the stiffness has no inverse of the twist map; ask for cc.compliance"
         )
-    back = np.linalg.inv(t)
-    return np.asarray(back.T @ (k[:, None] * back))
+    root = np.linalg.solve(t.T, np.diag(np.sqrt(k)))  # T^-T k^1/2
+    return np.asarray(root @ root.T)
 
 
 def twist_maps(mechanism: Mechanism, postures: ArrayLike) -> np.ndarray:

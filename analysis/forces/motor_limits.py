@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+TOGGLE = 1e-6  # distance from a toggle below which no inverse of J is worth having
+
 
 def effort_limits(jacobian: np.ndarray, limits: np.ndarray) -> np.ndarray:
-    """Least and largest effort (..., 2, k) of single joints for motor limits (2, m), m = k."""
+    """Least and largest effort (..., 2, k) of single joints for motor limits (2, k), J regular."""
     k = jacobian.shape[-1]
     # motor efforts for a unit effort of each joint: the columns of J^-T
     needed = np.linalg.inv(jacobian).swapaxes(-1, -2)

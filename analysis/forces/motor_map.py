@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from closedchain.analysis.forces.drivetrain import drivetrain
-from closedchain.analysis.forces.motor_limits import effort_limits, speed_limits, toggle
+from closedchain.analysis.forces.motor_limits import TOGGLE, effort_limits, speed_limits, toggle
 from closedchain.analysis.forces.pinned_motion import PinnedMotion
 from closedchain.closure.generic import dimensionless_jacobian
 from closedchain.closure.mechanism import Mechanism
@@ -242,10 +242,18 @@ class Transmission:
         """Least and largest effort of each joint with the others at zero, (2, k) or (n, 2, k).
 
         Limits as for ``effort_corners``; zero must lie between them.
+
+        Raises
+        ------
+        ClosureError
+            As ``jacobian``; more or fewer motors than joints; or a toggle.
         """
         if len(self.motor_names) != len(self.joint_names):
             raise ClosureError("effort limits of single joints need as many motors as joints")
-        return effort_limits(self.jacobian(joint_positions), self.low_high(limits))
+        j = self.jacobian(joint_positions)
+        if (toggle(j / self.units) < TOGGLE).any():
+            raise ClosureError("the joints can move there with the motors at rest: a toggle")
+        return effort_limits(j, self.low_high(limits))
 
     def speed_limits(self, joint_positions: ArrayLike, limits: ArrayLike) -> np.ndarray:
         """Largest speed of each joint with the others at rest, (k,) or (n, k).

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from closedchain.analysis.forces.motor_limits import effort_limits, speed_limits, toggle
+from closedchain.analysis.forces.motor_limits import TOGGLE, effort_limits, speed_limits, toggle
 from closedchain.analysis.forces.motor_map import Transmission
 from closedchain.urdf.errors import ClosureError, known_names
 
@@ -18,7 +18,6 @@ SPAN = 0.5
 """Half width of a range around home where a joint has no limits [rad or characteristic lengths]."""
 POINTS = {1: 201, 2: 41}
 MOST = 2_000_000
-TOGGLE = 1e-6  # below it no inverse of J is worth having
 
 
 def transmission_table(

@@ -11,6 +11,7 @@ from closedchain.closure.modes.complex_tape import ComplexTape, complex_tape
 from closedchain.closure.solve.problem import Problem
 from closedchain.closure.tape.expression import Graph
 from closedchain.closure.tape.rows import Kinematics
+from closedchain.closure.tape.vectors import turned_quaternion
 
 MISSED = 1e-8
 """Largest row, dimensionless, of a posture; beyond, a solution of the kept rows is none."""
@@ -139,12 +140,4 @@ def normalised(quaternions: np.ndarray) -> np.ndarray:
 
 def _turned(quaternion: np.ndarray, by: list[np.ndarray]) -> np.ndarray:
     """Quaternions (n, 4) turned by small rotation vectors, along the axes outside."""
-    x, y, z, w = quaternion.T
-    a, b, c = (0.5 * r for r in by)
-    turned = [
-        x + a * w + b * z - c * y,
-        y + b * w + c * x - a * z,
-        z + c * w + a * y - b * x,
-        w - a * x - b * y - c * z,
-    ]
-    return normalised(np.stack(turned, axis=1))
+    return normalised(np.stack(turned_quaternion(list(quaternion.T), by), axis=1))

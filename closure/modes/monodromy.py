@@ -17,8 +17,9 @@ from itertools import pairwise
 import numpy as np
 
 from closedchain.closure.modes.complex_equations import normalised
-from closedchain.closure.modes.paths import Block, Place, between, far, solve, track
+from closedchain.closure.modes.paths import Block, Place, between, far, track
 from closedchain.closure.modes.shapes import Shapes, groups
+from closedchain.closure.solve.square_systems import solutions
 
 QUIET = 4  # places one after the other that show nothing new, before the work ends
 MOST_PLACES = 40
@@ -139,13 +140,13 @@ def _toward(block: Block, q: np.ndarray, targets: np.ndarray) -> np.ndarray:
     """Newton's steps (n, k); with more rows than unknowns those of Gauss and Newton, on all."""
     if not block.also.size:
         values, jacobian = block.at(q, targets)
-        return solve(jacobian, values)
+        return solutions(jacobian, values[:, :, None])[:, :, 0]
     values, jacobian = block.equations.all_rows(q, targets)
     every = np.concatenate([np.array(block.equations.problem.kept)[block.rows], block.also])
     a = jacobian[:, every][:, :, block.columns]
     adjoint = a.conj().swapaxes(1, 2)
-    right = (adjoint @ values[:, every, None])[..., 0]
-    return solve(adjoint @ a + 1e-14 * np.eye(a.shape[2]), right)
+    right = adjoint @ values[:, every, None]
+    return solutions(adjoint @ a + 1e-14 * np.eye(a.shape[2]), right)[:, :, 0]
 
 
 def _met(block: Block, place: Place, q: np.ndarray) -> np.ndarray:

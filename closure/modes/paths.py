@@ -12,6 +12,7 @@ import numpy as np
 
 from closedchain.closure.modes.complex_equations import ComplexEquations, normalised
 from closedchain.closure.solve.problem import POSE
+from closedchain.closure.solve.square_systems import solutions
 
 FIRST, SMALLEST, LARGEST = 0.05, 1e-8, 0.25  # steps along a path
 SHORT = 0.03  # dimensionless: largest first correction of an accepted step
@@ -166,7 +167,7 @@ def _slope(block: Block, one: Place, two: Place, q: np.ndarray, t: np.ndarray) -
     ahead = between(block, one, two, q, t + SHIFT)
     values, jacobian = block.at(here.q, here.targets)
     later, _ = block.at(ahead.q, ahead.targets)
-    return -solve(jacobian, (later - values) / SHIFT)
+    return -solutions(jacobian, ((later - values) / SHIFT)[:, :, None])[:, :, 0]
 
 
 def _corrected(
@@ -182,7 +183,7 @@ def _corrected(
         if not i.size:
             break
         values, jacobian = block.at(q[i], here.targets[i])
-        correction = -solve(jacobian, values)
+        correction = -solutions(jacobian, values[:, :, None])[:, :, 0]
         size = np.abs(correction).max(axis=1, initial=0.0)
         size[~np.isfinite(size)] = np.inf
         if count == 0:
@@ -196,22 +197,6 @@ def _corrected(
         # quadratic convergence: the next correction would be below rounding
         solved[i] |= fine & (size < 1e-6) & (count > 0)
     return q, solved, first
-
-
-def solve(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """Solutions (n, k) of square systems (n, k, k); infinite where one is singular."""
-    if not matrix.shape[1]:
-        return right
-    try:
-        return np.asarray(np.linalg.solve(matrix, right[..., None])[..., 0])
-    except np.linalg.LinAlgError:
-        found = np.full_like(right, np.inf)
-        for i, (m, r) in enumerate(zip(matrix, right, strict=True)):
-            try:
-                found[i] = np.linalg.solve(m, r)
-            except np.linalg.LinAlgError:
-                continue
-        return found
 
 
 def far(block: Block, q: np.ndarray) -> np.ndarray:

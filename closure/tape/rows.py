@@ -38,6 +38,7 @@ from closedchain.closure.tape.vectors import (
     scale,
     sub,
     transposed,
+    turned_quaternion,
 )
 
 Entries = dict[int, Expr]
@@ -393,14 +394,7 @@ def kinematics(
 
 def _turned(quaternion: Sequence[Expr], by: Sequence[Expr]) -> list[Expr]:
     """Quaternion turned by a small rotation vector, along the axes outside."""
-    x, y, z, w = quaternion
-    a, b, c = (0.5 * r for r in by)
-    turned = [
-        x + a * w + b * z - c * y,
-        y + b * w + c * x - a * z,
-        z + c * w + a * y - b * x,
-        w - a * x - b * y - c * z,
-    ]
+    turned = turned_quaternion(quaternion, by)
     size = (turned[0] * turned[0] + turned[1] * turned[1]) + (
         turned[2] * turned[2] + turned[3] * turned[3]
     )

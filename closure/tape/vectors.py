@@ -85,6 +85,21 @@ def rotation(quaternion: Sequence[Scalar]) -> list[list[Scalar]]:
     ]
 
 
+def turned_quaternion(q: Sequence[Scalar], by: Sequence[Scalar]) -> list[Scalar]:
+    """Quaternion x y z w turned by a small rotation vector along the axes outside.
+
+    Times (r/2, 1), as Cayley's map has it: longer than q, and not normalised.
+    """
+    x, y, z, w = q
+    a, b, c = (0.5 * r for r in by)
+    return [
+        x + a * w + b * z - c * y,
+        y + b * w + c * x - a * z,
+        z + c * w + a * y - b * x,
+        w - a * x - b * y - c * z,
+    ]
+
+
 def quaternion(r: Matrix) -> list[Scalar]:
     """Unit quaternion x y z w of a rotation, over numbers with ``select`` and ``sqrt``.
 

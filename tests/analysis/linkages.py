@@ -133,6 +133,22 @@ def four_bar(inputs: Mapping[str, str] | None = None) -> cc.Mechanism:
     )
 
 
+def spinning_rod() -> cc.Mechanism:
+    """An arm and a rod between two balls, which may spin about its own line."""
+    return load(
+        "rod",
+        [
+            J("A", "base", "arm", axis="0 1 0"),
+            J("u1", "base", "one", "0 0.4 0", axis="1 0 0"),
+            J("u2", "one", "two"),
+            J("spin", "two", "rod", axis="0 1 0"),
+        ],
+        [Cut("ball", "arm", "rod", "0.5 0 0", "0.5 -0.4 0", type="spherical")],
+        inputs={"q": "A"},
+        tip="arm",
+    )
+
+
 def six_bar(drive: str) -> cc.Mechanism:
     """Stephenson III: a four-bar A B C D, and a dyad F G from its coupler point E to the base."""
     return load(

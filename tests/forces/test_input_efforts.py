@@ -12,7 +12,7 @@ import closedchain as cc
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "analysis"))
 
-from linkages import Cut, J, four_bar, load
+from linkages import J, four_bar, load, spinning_rod
 
 PUSH = np.array([3.0, -2.0, 5.0, 0.4, -0.3, 0.2])
 
@@ -48,18 +48,7 @@ def test_open_chains() -> None:
 def test_spare_inputs_and_idle_parts_go_another_way() -> None:
     m = four_bar({"q1": "A", "q2": "D"})
     assert_close(cc.input_efforts(m, m.home, PUSH), cc.statics(m, m.home, PUSH).inputs, 0.0)
-    rod = load(
-        "rod",
-        [
-            J("A", "base", "arm", axis="0 1 0"),
-            J("u1", "base", "one", "0 0.4 0", axis="1 0 0"),
-            J("u2", "one", "two"),
-            J("spin", "two", "rod", axis="0 1 0"),
-        ],
-        [Cut("ball", "arm", "rod", "0.5 0 0", "0.5 -0.4 0", type="spherical")],
-        inputs={"q": "A"},
-        tip="arm",
-    )
+    rod = spinning_rod()
     many = cc.input_efforts(rod, np.tile(rod.home, (3, 1)), PUSH)
     assert_close(many, np.tile(cc.statics(rod, rod.home, PUSH).inputs, (3, 1)), 1e-12)
 

@@ -14,7 +14,7 @@ from closedchain.closure.closures import Closure
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "analysis"))
 
-from linkages import Cut, J, four_bar, load
+from linkages import four_bar, spinning_rod
 
 FALL = np.array([0.0, 0.0, -9.81])
 PUSH = np.array([3.0, -2.0, 5.0, 0.4, -0.3, 0.2])
@@ -166,19 +166,7 @@ def test_slider_crank_by_hand() -> None:
 
 def test_idle_spins_accelerate_as_inertia_has_it() -> None:
     """A rod between two balls, its mass off its line: gravity turns it."""
-    m = load(
-        "rod",
-        [
-            J("A", "base", "arm", axis="0 1 0"),
-            J("u1", "base", "one", "0 0.4 0", axis="1 0 0"),
-            J("u2", "one", "two"),
-            J("spin", "two", "rod", axis="0 1 0"),
-        ],
-        [Cut("ball", "arm", "rod", "0.5 0 0", "0.5 -0.4 0", type="spherical")],
-        inputs={"q": "A"},
-        tip="arm",
-    )
-    m = weighed(m, seed=5)
+    m = weighed(spinning_rod(), seed=5)
     found = cc.inverse_dynamics(m, m.home, [0.0], [0.0])
     assert found.forces.carried, found.forces.text
     assert np.abs(found.a).max() > 0.1

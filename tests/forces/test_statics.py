@@ -16,7 +16,7 @@ from closedchain.urdf import ClosureType
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "analysis"))
 
-from linkages import Cut, J, Tie, four_bar, load
+from linkages import Cut, J, Tie, four_bar, load, spinning_rod
 
 FALL = np.array([0.0, 0.0, -9.81])
 PUSH = np.array([3.0, -2.0, 5.0, 0.4, -0.3, 0.2])
@@ -231,18 +231,7 @@ def test_crank_in_line_with_coupler() -> None:
 
 def test_free_spins_do_no_harm() -> None:
     """A rod between two balls may spin: it carries what acts on its line, no torque about it."""
-    m = load(
-        "rod",
-        [
-            J("A", "base", "arm", axis="0 1 0"),
-            J("u1", "base", "one", "0 0.4 0", axis="1 0 0"),
-            J("u2", "one", "two"),
-            J("spin", "two", "rod", axis="0 1 0"),
-        ],
-        [Cut("ball", "arm", "rod", "0.5 0 0", "0.5 -0.4 0", type="spherical")],
-        inputs={"q": "A"},
-        tip="arm",
-    )
+    m = spinning_rod()
     s = cc.statics(m, m.home, {"arm": PUSH}, gravity=False)
     assert s.carried
     assert s.free_motions.shape[1] == 1

@@ -150,6 +150,16 @@ def test_toggle_of_the_four_bar() -> None:
         t.motors([end - 0.05])
 
 
+def test_no_effort_limits_where_the_motor_holds_nothing() -> None:
+    """Crank and coupler in line, the motor on the rocker: the crank's torque meets the ground."""
+    t = cc.transmission(four_bar({"q1": "D"}), ["A"])
+    end = np.arccos((0.4**2 + 0.5**2 - 0.3**2) / (2 * 0.4 * 0.5))
+    assert_close(t.jacobian([end]), [[0.0]], 1e-7)
+    with pytest.raises(cc.ClosureError, match="a toggle"):
+        t.effort_limits([end], [1.0])
+    assert np.abs(t.effort_limits([end + 0.1], [1.0])).min() > 0.01
+
+
 def test_table(both: cc.Transmission, tmp_path: Path) -> None:
     found = cc.transmission_table(
         both, {"pitch": (-0.3, 0.3), "roll": (-2.0, 2.0)}, {"pitch": 3, "roll": 9},

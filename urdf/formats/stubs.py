@@ -7,12 +7,13 @@ free. The empty links are where the other side is at home, so that their joints 
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from closedchain.urdf.description import (
     ClosureType,
+    Description,
     Joint,
     JointType,
     Link,
@@ -21,6 +22,8 @@ from closedchain.urdf.description import (
     Vector3,
 )
 from closedchain.urdf.errors import DescriptionError
+from closedchain.urdf.formats.written import listed
+from closedchain.urdf.link_poses import link_poses
 from closedchain.urdf.poses import direction, inverse, origin_of, pose, pose_of, vector, z_along
 
 _Z: Vector3 = (0.0, 0.0, 1.0)
@@ -142,6 +145,39 @@ def _about_z(rotation: np.ndarray) -> np.ndarray:
     c = (rotation[0, 0] + rotation[1, 1]) / size
     s = (rotation[1, 0] - rotation[0, 1]) / size
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
+def without_foreign_closures(
+    description: Description, known: Collection[ClosureType]
+) -> tuple[Description, tuple[Joint, ...], list[str]]:
+    """Description whose closures are all of the known types, its new joints, and what was changed.
+
+    Types as for ``with_stubs``.
+    """
+    places = link_poses(description)
+    links, joints = list(description.links), list[Joint]()
+    closures, losses = [], []
+    for closure in description.closures:
+        between = inverse(places[closure.parent]) @ places[closure.child]
+        stubs = with_stubs(closure, between, known)
+        if stubs is None:
+            closures.append(closure)
+            continue
+        more, carried = stub_parts(stubs, closure.parent)
+        links += more
+        joints += carried
+        closures.append(stubs.closure)
+        losses.append(
+            f"the {closure.type} closure {closure.name!r} is written as joints of "
+            f"{listed(link.name for link in more)}, which are empty, and a {stubs.closure.type} one"
+        )
+    found = replace(
+        description,
+        links=tuple(links),
+        joints=(*description.joints, *joints),
+        closures=tuple(closures),
+    )
+    return found, tuple(joints), losses
 
 
 def stub_parts(stubs: Stubs, parent: str) -> tuple[tuple[Link, ...], tuple[Joint, ...]]:

@@ -22,7 +22,6 @@ turning points, SIAM J. Numer. Anal. 21, 1984.
 
 from __future__ import annotations
 
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -36,6 +35,7 @@ from closedchain.analysis.singularity.sets.postures_at import (
 from closedchain.analysis.structure.mobility import generic_rank
 from closedchain.closure.mechanism import Mechanism
 from closedchain.closure.solve.factors import Factors
+from closedchain.closure.solve.square_systems import solutions
 
 Combine = np.ndarray | None
 """Combinations (r, rows) of closure rows; None where all rows count as they are."""
@@ -175,22 +175,6 @@ def corner(matrix: np.ndarray, borders: Borders) -> tuple[np.ndarray, np.ndarray
         right = factors.solve(unit[:, m:])
         left = factors.solve(unit[:, n:], transposed=True)
     else:
-        right = _solved(bordered, unit[:, m:])
-        left = _solved(bordered.swapaxes(-1, -2), unit[:, n:])
+        right = solutions(bordered, unit[:, m:])
+        left = solutions(bordered.swapaxes(-1, -2), unit[:, n:])
     return right[..., n:, :], left[..., :m, :], right[..., :n, :]
-
-
-def _solved(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """Solutions (..., n, j) of one or many systems; NaN for singular ones among many."""
-    try:
-        return np.asarray(
-            np.linalg.solve(matrix, np.broadcast_to(right, (*matrix.shape[:-1], right.shape[-1])))
-        )
-    except np.linalg.LinAlgError:
-        if matrix.ndim == 2:
-            raise
-        found = np.full((*matrix.shape[:-1], right.shape[-1]), np.nan)
-        for i in np.ndindex(matrix.shape[:-2]):
-            with suppress(np.linalg.LinAlgError):
-                found[i] = np.linalg.solve(matrix[i], right)
-        return found

@@ -17,6 +17,7 @@ from closedchain.analysis.singularity.sets.classifying import evidence, sigmas_o
 from closedchain.analysis.singularity.sets.lattice import Lattice
 from closedchain.analysis.singularity.sets.slices import Frame, Slice
 from closedchain.closure.solve.solution_set import SOLVED
+from closedchain.closure.solve.square_systems import solutions
 
 ITERATIONS = 80  # of a bracket; most need seven
 NEWTON = 15
@@ -172,7 +173,7 @@ def newton(system: Slice, z: np.ndarray, axis: np.ndarray) -> np.ndarray:
         worst = np.abs(values).max(axis=1)
         done = (worst < SOLVED) | ((worst < 100.0 * SOLVED) & (worst >= 0.5 * last))
         out[index[done]] = z[done]
-        steps = _solved(square, values)
+        steps = solutions(square, values[:, :, None])[:, :, 0]
         sizes = np.linalg.norm(steps, axis=1)
         going = ~done & np.isfinite(sizes)
         if not going.any():
@@ -182,20 +183,6 @@ def newton(system: Slice, z: np.ndarray, axis: np.ndarray) -> np.ndarray:
         index, last, rows = index[going], worst[going], rows[going]
         frame = _some(frame, going)
     return out
-
-
-def _solved(square: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Solutions of many square systems; NaN for those that are singular to the last bit."""
-    try:
-        return np.asarray(np.linalg.solve(square, values[..., None])[..., 0])
-    except np.linalg.LinAlgError:
-        found = np.full_like(values, np.nan)
-        for i, (matrix, right) in enumerate(zip(square, values, strict=True)):
-            try:
-                found[i] = np.linalg.solve(matrix, right)
-            except np.linalg.LinAlgError:
-                continue
-        return found
 
 
 def _some(frame: Frame, which: np.ndarray) -> Frame:

@@ -26,11 +26,11 @@ from closedchain.urdf.formats.mjcf.collected import Collected, numbers, set_pose
 from closedchain.urdf.formats.mjcf.equality_writing import add_equalities
 from closedchain.urdf.formats.mjcf.reading import TASK
 from closedchain.urdf.formats.mjcf.tree import WORLD
-from closedchain.urdf.formats.stubs import stub_parts, with_stubs
+from closedchain.urdf.formats.stubs import without_foreign_closures
 from closedchain.urdf.formats.written import Written, listed
-from closedchain.urdf.link_poses import link_poses, moved
+from closedchain.urdf.link_poses import moved
 from closedchain.urdf.meshes import with_mesh_paths
-from closedchain.urdf.poses import inverse, pose, pose_of, quaternion_of
+from closedchain.urdf.poses import pose, pose_of, quaternion_of
 from closedchain.urdf.shapes import Shape, Shapes, shapes_of
 from closedchain.urdf.writing import UNBOUNDED, document_text, urdf_document
 
@@ -53,7 +53,8 @@ def write(description: Description) -> Written:
     """
     text, missing = with_mesh_paths(description)
     shapes, unread = _readable(shapes_of(urdf_document(replace(description, text=text))))
-    d, losses = _without_foreign_closures(description)
+    d, stubs, losses = without_foreign_closures(description, _KNOWN)
+    d = replace(d, home=dict(d.home) | {joint.name: (0.0,) for joint in stubs})
     writer = Collected(d, shapes, _balls(d))
     writer.losses += [*losses, *missing, *unread]
     root = etree.Element("mujoco", model=d.name)
@@ -102,36 +103,6 @@ def _readable(shapes: Shapes) -> tuple[Shapes, list[str]]:
         for link, of_link in shapes.items()
     }
     return kept, [f"MuJoCo does not read the mesh {file!r}" for file in lost]
-
-
-def _without_foreign_closures(description: Description) -> tuple[Description, list[str]]:
-    """Description in which every closure is one that MuJoCo has, with empty links where needed."""
-    places = link_poses(description)
-    links, joints = list(description.links), list(description.joints)
-    closures, home, losses = [], dict(description.home), []
-    for closure in description.closures:
-        between = inverse(places[closure.parent]) @ places[closure.child]
-        stubs = with_stubs(closure, between, _KNOWN)
-        if stubs is None:
-            closures.append(closure)
-            continue
-        more, carried = stub_parts(stubs, closure.parent)
-        links += more
-        joints += carried
-        closures.append(stubs.closure)
-        home |= {joint.name: (0.0,) for joint in carried}
-        losses.append(
-            f"the {closure.type} closure {closure.name!r} is written as joints of "
-            f"{listed(link.name for link in more)}, which are empty, and a {stubs.closure.type} one"
-        )
-    found = replace(
-        description,
-        links=tuple(links),
-        joints=tuple(joints),
-        closures=tuple(closures),
-        home=home,
-    )
-    return found, losses
 
 
 def _balls(description: Description) -> dict[str, LoopClosure]:

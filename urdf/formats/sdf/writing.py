@@ -26,7 +26,7 @@ from closedchain.urdf.description import (
 )
 from closedchain.urdf.formats.sdf.roles import say_roles
 from closedchain.urdf.formats.sdf.text_values import NAMESPACE
-from closedchain.urdf.formats.stubs import stub_parts, with_stubs
+from closedchain.urdf.formats.stubs import without_foreign_closures
 from closedchain.urdf.formats.written import Written, listed
 from closedchain.urdf.link_poses import link_poses
 from closedchain.urdf.poses import direction, inverse, origin_of, pose_of
@@ -57,7 +57,7 @@ def write(description: Description) -> Written:
     shapes = shapes_of(urdf_document(description))
     description = _without_world(description)
     shapes = {_not_world(link): of_link for link, of_link in shapes.items()}
-    d, losses = _with_known_closures(description)
+    d, _, losses = without_foreign_closures(description, tuple(_KNOWN))
     d, renamed = _with_distinct_names(d)
     if renamed:
         losses.append(
@@ -119,29 +119,6 @@ def _without_world(d: Description) -> Description:
         ),
         task=task,
     )
-
-
-def _with_known_closures(description: Description) -> tuple[Description, list[str]]:
-    """Description whose closures are all joints of SDF, with empty links where needed."""
-    places = link_poses(description)
-    links, joints = list(description.links), list(description.joints)
-    closures, losses = [], []
-    for closure in description.closures:
-        between = inverse(places[closure.parent]) @ places[closure.child]
-        stubs = with_stubs(closure, between, tuple(_KNOWN))
-        if stubs is None:
-            closures.append(closure)
-            continue
-        more, carried = stub_parts(stubs, closure.parent)
-        links += more
-        joints += carried
-        closures.append(stubs.closure)
-        losses.append(
-            f"the {closure.type} closure {closure.name!r} is written as joints of "
-            f"{listed(link.name for link in more)}, which are empty, and a {stubs.closure.type} one"
-        )
-    found = replace(description, links=tuple(links), joints=tuple(joints), closures=tuple(closures))
-    return found, losses
 
 
 def _with_distinct_names(d: Description) -> tuple[Description, list[str]]:
