@@ -83,7 +83,8 @@ def simulate(
         return
     say(found.message)
     for event in found.events:
-        say(event.text)
+        if event.text != found.message:
+            say(event.text)
     say(f"loops closed to {found.residual:.1e}, energy drifts by {found.drift:.1e} W")
     for path in files:
         say(str(path))

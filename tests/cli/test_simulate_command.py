@@ -39,6 +39,13 @@ def test_held_it_stays_where_it_is(tmp_path: Path) -> None:
     assert "moved for 0.1 s" in done.stdout
 
 
+def test_the_limit_that_ends_it_is_said_once(tmp_path: Path) -> None:
+    words = ["linear_delta", "--density", "1000", "--until", "0.5", "--out", str(tmp_path)]
+    done = run(*words)
+    assert done.exit_code == 0, done.stderr
+    assert done.stdout.count("a joint meets its limit: leg1_P") == 1
+
+
 def test_wrong_words_are_one_line(tmp_path: Path) -> None:
     out = ["--out", str(tmp_path)]
     for words in (
