@@ -23,7 +23,7 @@ Operand = Union["Interval", float, np.ndarray]
 
 @dataclass(frozen=True, eq=False)
 class Interval:
-    """Numbers between ``low`` and ``high``, arrays of one shape; NaN where nothing is known."""
+    """Numbers between ``low`` and ``high``, arrays of one shape; infinite if nothing is known."""
 
     low: np.ndarray
     high: np.ndarray
@@ -54,10 +54,12 @@ class Interval:
     def __mul__(self, other: Operand) -> Interval:
         """Product."""
         b = interval(other)
-        ends = (self.low * b.low, self.low * b.high, self.high * b.low, self.high * b.high)
+        with np.errstate(over="ignore", invalid="ignore"):
+            ends = (self.low * b.low, self.low * b.high, self.high * b.low, self.high * b.high)
         low = np.minimum(np.minimum(ends[0], ends[1]), np.minimum(ends[2], ends[3]))
         high = np.maximum(np.maximum(ends[0], ends[1]), np.maximum(ends[2], ends[3]))
-        return outward(low, high)
+        unknown = np.isnan(low)  # zero times infinity
+        return outward(np.where(unknown, -np.inf, low), np.where(unknown, np.inf, high))
 
     __rmul__ = __mul__
 
@@ -90,17 +92,20 @@ def outward(low: np.ndarray, high: np.ndarray, steps: int = 1) -> Interval:
 def _recip(x: Interval) -> Interval:
     """1 / x; everything where x may be zero."""
     x = interval(x)
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
         found = outward(1.0 / x.high, 1.0 / x.low)
     around = (x.low <= 0.0) & (x.high >= 0.0)
     return Interval(np.where(around, -np.inf, found.low), np.where(around, np.inf, found.high))
 
 
 def _sqrt(x: Interval) -> Interval:
+    """Square root; everything where x may be negative, as where it is there is none."""
     x = interval(x)
     with np.errstate(invalid="ignore"):
         found = outward(np.sqrt(x.low), np.sqrt(x.high))
-    return Interval(np.maximum(found.low, 0.0), found.high)
+    below = x.low < 0.0
+    low = np.where(below, -np.inf, np.maximum(found.low, 0.0))
+    return Interval(low, np.where(below, np.inf, found.high))
 
 
 def _sin(x: Interval) -> Interval:
@@ -113,7 +118,8 @@ def _cos(x: Interval) -> Interval:
 
 def _wave(x: Interval, function: np.ufunc, top: float) -> Interval:
     """Sine or cosine, largest at ``top`` half turns and every whole turn from there."""
-    one, two = function(x.low), function(x.high)
+    with np.errstate(invalid="ignore"):
+        one, two = function(x.low), function(x.high)
     found = outward(np.minimum(one, two), np.maximum(one, two), WIDER)
     # an extreme may lie within: half turns are counted from slightly outside
     begin = (x.low - 1e-9) / HALF_TURN - top

@@ -7,7 +7,7 @@ import math
 import mpmath
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from closedchain.closure.tape.expression import Expr, Graph
@@ -21,6 +21,7 @@ def holds(box: Interval, value: mpmath.mpf) -> bool:
     return bool(mpmath.mpf(float(box.low)) <= value <= mpmath.mpf(float(box.high)))
 
 
+@example(x=-1.0, y=0.0, width=2.0, share=0.0)  # x x may be -1, for all that is known
 @given(x=finite, y=finite, width=st.floats(0.0, 8.0), share=st.floats(0.0, 1.0))
 def test_every_value_of_a_box_lies_in_the_result(
     x: float, y: float, width: float, share: float
@@ -66,6 +67,25 @@ def test_what_may_be_zero_has_no_bound_below() -> None:
     g = Graph()
     (found,) = evaluate(g.tape([g.input(0).recip()], 1), [Interval(np.array(-1.0), np.array(1.0))])
     assert (float(found.low), float(found.high)) == (-math.inf, math.inf)
+
+
+def test_the_root_of_what_may_be_negative_has_no_bounds() -> None:
+    g = Graph()
+    low, high = np.array([-1.0, -2.0, 0.0]), np.array([4.0, -1.0, 4.0])
+    (found,) = evaluate(g.tape([g.input(0).sqrt()], 1), [Interval(low, high)])
+    assert found.low.tolist() == [-math.inf, -math.inf, 0.0]
+    assert found.high.tolist() == [math.inf, math.inf, math.nextafter(2.0, 3.0)]
+
+
+def test_what_is_unbounded_goes_on_without_warnings() -> None:
+    g = Graph()
+    x = g.input(0)
+    root = x.sqrt() * x
+    tape = g.tape([root, root.sin(), root.recip() * x + x.sqrt()], 1)
+    found = evaluate(tape, [Interval(np.array([-1.0, 0.0]), np.array([1.0, 2.0]))])
+    ends = np.array([[number.low, number.high] for number in found])
+    assert not np.isnan(ends).any()
+    assert ends[:, :, 0].tolist() == [[-math.inf, math.inf], [-1.0, 1.0], [-math.inf, math.inf]]
 
 
 def test_intervals_are_not_compared() -> None:
