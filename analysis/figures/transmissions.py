@@ -40,7 +40,9 @@ def draw_transmission(found: xr.Dataset, image: Path, dpi: int = 130) -> None:
             _map(ax, found, joints, label, next(iter(lines.values())))
     for ax in axes[len(panels) :]:
         ax.set_axis_off()
-    figure.suptitle(f"{found.attrs['mechanism']}: {', '.join(joints)}")
+    shown = (found["reached"] & found["within"]).values.all() or len(joints) < 2
+    grey = "" if shown else "; grey: out of reach, or motors beyond their limits"
+    figure.suptitle(f"{found.attrs['mechanism']}: {', '.join(joints)}{grey}")
     figure.savefig(image, dpi=dpi)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 import typer
@@ -12,6 +12,9 @@ import typer
 from closedchain import _arguments as arguments
 from closedchain._options import Json, NoXacro, Robot, Settings, Variant
 from closedchain._terminal import print_json, say, table
+
+if TYPE_CHECKING:
+    from closedchain.analysis.forces.motor_map import Transmission
 
 
 def transmission(
@@ -74,19 +77,24 @@ def transmission(
                 files.append(out / language / file)
                 files[-1].parent.mkdir(exist_ok=True)
                 files[-1].write_text(text, encoding="utf-8")
+    there = tabulated["reached"].values
+    within = there & tabulated["within"].values
     if json:
         names = {"joints": found.joint_names, "motors": found.motor_names}
-        print_json({**names, "home": found.home, "files": [str(path) for path in files]})
+        counts = {"positions": there.size, "reached": there.sum(), "within": within.sum()}
+        paths = [str(path) for path in files]
+        print_json({**names, "home": found.home, **counts, "files": paths})
         return
     _report(found)
+    say(
+        f"{there.sum()} of {there.size} positions are reached, {within.sum()} with the motors "
+        "within their limits"
+    )
     for path in files:
         say(str(path))
 
 
-def _report(found: object) -> None:
-    from closedchain.analysis.forces.motor_map import Transmission
-
-    assert isinstance(found, Transmission)
+def _report(found: Transmission) -> None:
     rows = found.jacobian(found.home)
     y = np.atleast_1d(found.motors(found.home))
     table(

@@ -44,6 +44,7 @@ def test_files(knee: Path, tmp_path: Path) -> None:
     assert done.exit_code == 0, done.stderr
     told = json.loads(done.stdout)
     assert told["motors"] == ["q"]
+    assert (told["positions"], told["reached"], told["within"]) == (5, 5, 5)
     assert all(Path(name).stat().st_size for name in told["files"])
     assert {"motors.c", "joints.c"} <= {Path(name).name for name in told["files"]}
     t = cc.transmission(cc.load_urdf(knee), ["knee"])
@@ -65,6 +66,8 @@ def test_the_range_is_that_of_the_joint(knee: Path, tmp_path: Path) -> None:
     assert "distance from a toggle" in done.stdout
     saved = xr.open_dataset(tmp_path / "transmission.nc", engine="h5netcdf")
     assert_close(saved["knee"].values[[0, -1]], [1.2, 1.9], 1e-15)
+    reached = saved["reached"].values
+    assert f"{reached.sum()} of {reached.size} positions are reached" in done.stdout
     assert not saved["reached"].values.all()  # the knee's limits are wider than its loop allows
 
 
