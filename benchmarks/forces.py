@@ -14,8 +14,8 @@ import pinocchio as pin
 import closedchain as cc
 from benchmarks.cases import Case
 from benchmarks.timing import OURS, Row, a_call, least
-from closedchain.analysis.forces.forward_dynamics import Plant
 from closedchain.analysis.forces.loads import loads
+from closedchain.analysis.forces.plant import Plant
 
 ONE, BULK, FORWARD = "input efforts", "input efforts, in bulk", "forward dynamics"
 LOOP = "Pinocchio + LAPACK"
