@@ -10,13 +10,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from closedchain.analysis.forces.arranging import column_names
-from closedchain.analysis.forces.forward_dynamics import CONSISTENT, Plant
 from closedchain.analysis.forces.integrating import Efforts, State, Stepper
-from closedchain.analysis.forces.loads import Gravity, Wrenches, loads
+from closedchain.analysis.forces.loads import Gravity, Wrenches
 from closedchain.analysis.forces.orientation import Signs, signs
+from closedchain.analysis.forces.plant import plant_under
 from closedchain.closure.mechanism import Mechanism
 from closedchain.closure.nearest import beyond_limits
-from closedchain.closure.solve.control import CLOSED
 from closedchain.closure.solve.outcome import Ending
 from closedchain.urdf.errors import ClosureError
 
@@ -141,8 +140,8 @@ def simulate(
         Malformed numbers, an open posture, velocities that the loops contradict, motions without
         inertia.
     """
-    plant = Plant(mechanism, loads(mechanism, wrench, gravity, payload))
-    start = _start(plant, q, v)
+    plant = plant_under(mechanism, wrench, gravity, payload)
+    start = State(0.0, *plant.state(q, v), 0.0)
     for value, what in ((until, "until"), (accuracy, "accuracy")):
         if not (np.isfinite(value) and value > 0.0):
             raise ClosureError(f"{what} must be above zero, got {value}")
@@ -155,22 +154,6 @@ def simulate(
     times = [*(gap * i for i in range(1, count)), until]
     run = _Run(stepper, accuracy, limits and not beyond_limits(mechanism, start.q))
     return run.through(start, times)
-
-
-def _start(plant: Plant, q: ArrayLike, v: ArrayLike | None) -> State:
-    m = plant.mechanism
-    q = m.configuration(q)
-    gap = float(np.abs(m.workspace.residual(q)).max(initial=0.0))
-    if gap >= CLOSED:
-        raise ClosureError(f"the loops are open at the start by {gap:.3g}: use cc.close(m, q).q")
-    rates = np.zeros(m.model.nv) if v is None else m.tangent(v)
-    here = plant.closed(q)
-    scaled = rates / m.column_scale
-    fit = here.basis @ (here.basis.T @ scaled)
-    off = float(np.abs(scaled - fit).max(initial=0.0))
-    if off > CONSISTENT * max(1.0, float(np.abs(scaled).max(initial=0.0))):
-        raise ClosureError(f"the velocities contradict the loops: they are off by {off:.3g}")
-    return State(0.0, q, fit * m.column_scale, 0.0)
 
 
 def _efforts(
