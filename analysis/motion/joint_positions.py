@@ -45,6 +45,13 @@ class JointPositions:
         Joints outside their limits, which stop nothing.
     message : str
         What happened, in words.
+
+    Examples
+    --------
+    >>> m = cc.load("d1")
+    >>> found = cc.joint_positions(m, {"q1": 0.53})
+    >>> found.arrived, list(found.floating), found.message
+    (True, ['coupler_pose', 'platform_pose'], 'arrived')
     """
 
     q: np.ndarray
@@ -94,7 +101,6 @@ def joint_positions(
 
     Examples
     --------
-    >>> import closedchain as cc
     >>> m = cc.load("linear_delta")
     >>> found = cc.joint_positions(m, {"q1": -0.16, "leg2_P": -0.12})
     >>> found.arrived, len(found.names), found.residual < 1e-12
