@@ -31,6 +31,12 @@ def with_inertias(mechanism: Mechanism, density: float = DENSITY) -> Mechanism:
     ------
     ClosureError
         A density that is not above zero.
+
+    Examples
+    --------
+    >>> m = cc.with_inertias(cc.load("linear_delta"), density=7850.0)  # steel
+    >>> sum(body.mass for body in m.model.inertias) > 1.0  # [kg]
+    True
     """
     if not (math.isfinite(density) and density > 0.0):
         raise ClosureError(f"density must be above zero, got {density}")

@@ -156,7 +156,13 @@ _FAMILIES: Mapping[str, Robot] = MappingProxyType({r.name: r for r in (_DELIA,)}
 
 
 def robots() -> tuple[str, ...]:
-    """Names of the robots in the catalogue; families are listed by ``families()``."""
+    """Names of the robots in the catalogue; families are listed by ``families()``.
+
+    Examples
+    --------
+    >>> "d1" in cc.robots()
+    True
+    """
     return tuple(_CATALOGUE)
 
 
@@ -201,6 +207,13 @@ def load(name: str, *, variant: str | None = None, **parameters: ParameterValue)
     DescriptionError
         Unknown robot, variant, parameter or choice (lists the known ones), or sizes that do not
         close.
+
+    Examples
+    --------
+    >>> cc.load("linear_delta").name
+    'linear_delta'
+    >>> round(float(cc.load("linear_delta", b=0.6).parameters["b"]), 3)  # longer rods
+    0.6
     """
     if name.startswith(PREFIX):
         if variant is not None or parameters:

@@ -23,6 +23,13 @@ class ForwardDynamics:
         Accelerations of all joints [m/s^2, rad/s^2].
     inputs : (n_inputs,) array
         Those of the inputs.
+
+    Examples
+    --------
+    >>> m = cc.with_inertias(cc.load("linear_delta"))
+    >>> fall = cc.forward_dynamics(m, m.home, np.zeros(m.model.nv))
+    >>> print(fall.inputs.round(3))  # let go, all of it falls freely [m/s^2]
+    [-9.81 -9.81 -9.81]
     """
 
     a: np.ndarray
@@ -59,6 +66,14 @@ def forward_dynamics(
     ClosureError
         Malformed numbers, an open posture, velocities that the loops contradict, motions without
         inertia, a constraint singularity.
+
+    Examples
+    --------
+    >>> m = cc.with_inertias(cc.load("linear_delta"))
+    >>> held = cc.input_efforts(m, m.home)  # what the weights ask for
+    >>> a = cc.forward_dynamics(m, m.home, np.zeros(m.model.nv), held).a
+    >>> bool(np.abs(a).max() < 1e-9)
+    True
     """
     plant = plant_under(mechanism, wrench, gravity, payload)
     q, v = plant.state(q, v)
