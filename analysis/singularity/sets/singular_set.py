@@ -9,6 +9,7 @@ import numpy as np
 
 from closedchain.analysis.singularity.classify import SINGULAR
 from closedchain.analysis.singularity.sets.classifying import Kinds, classified
+from closedchain.analysis.singularity.sets.mesh_fit import Fit
 from closedchain.closure.chart import Chart
 from closedchain.closure.solve.outcome import Ending
 
@@ -77,6 +78,8 @@ class SingularitySet:
         Sign changes and ends of the branch on a grid twice as fine that are no nearer than a cell
         to the set; None where that was not checked.
     note : str
+    fit : Fit or None
+        How well the triangles of a surface lie on it; None where there are none.
     cusps, cusps_q : (n, k) and (n, nq) arrays
         Coordinates [m or rad] and postures where a curve of folds turns back and three postures
         meet; empty where they were not asked for, and for other kinds.
@@ -112,6 +115,7 @@ class SingularitySet:
     dropped: int
     missed: int | None
     note: str
+    fit: Fit | None = None
     cusps: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
     cusps_q: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
 
