@@ -297,6 +297,7 @@ def _result(
             f"Proofs are of the independent rows; the {others} others hold there by the geometry."
         )
     return Postures(
+        mechanism=m,
         q=q,
         names=_names(m, q, branch),
         complete=complete,
