@@ -71,6 +71,15 @@ class Postures:
     target_pose : tuple of float
         x y z qx qy qz qw of the tip where its pose is held, and ``outputs`` that count.
     notes : tuple of str
+
+    Examples
+    --------
+    >>> m = cc.load("linear_delta")
+    >>> found = cc.postures(m, pose=m.pose(m.home), count=False)
+    >>> found.complete, len(found)  # each leg has two working modes
+    ('searched', 8)
+    >>> "home" in found.names, found[0].converged
+    (True, True)
     """
 
     mechanism: Mechanism
