@@ -181,7 +181,9 @@ class Postures:
             isolated, or none that can be followed.
         """
         model = self.mechanism.model
-        driven = {int(v): n for v, n in zip(self.mechanism.input_v, self.mechanism.inputs)}
+        driven = {
+            int(v): n for v, n in zip(self.mechanism.input_v, self.mechanism.inputs, strict=True)
+        }
         held = (model.joints[model.getJointId(name)].idx_v for name in self.pinned)
         joints = zip(held, self.pinned, strict=True)
         modes = Modes(
@@ -193,9 +195,7 @@ class Postures:
             outputs=self.outputs,
             beyond_limits=self.beyond_limits,
         )
-        return connections_of(
-            modes, over, resolution=resolution, limits=limits, progress=progress
-        )
+        return connections_of(modes, over, resolution=resolution, limits=limits, progress=progress)
 
     def certificate(self, mechanism: Mechanism) -> dict[str, Any]:
         """What is proved, for a checker that shares nothing with us: plain numbers and names.

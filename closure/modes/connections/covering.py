@@ -82,9 +82,7 @@ class Branches:
         way = follow(self.chart.problem, q, one, two, smallest)
         return way, self.judged(way, two)
 
-    def hasty(
-        self, q: np.ndarray, begin: np.ndarray, end: np.ndarray
-    ) -> tuple[Way, np.ndarray]:
+    def hasty(self, q: np.ndarray, begin: np.ndarray, end: np.ndarray) -> tuple[Way, np.ndarray]:
         """The same, up to the last posture before a singularity, or where only pivots fail."""
         one, two = self.chart.targets(begin), self.chart.targets(end)
         way = follower_of(self.chart.problem).run(q, one, two)
@@ -173,8 +171,17 @@ def covering_of(
         if report is not None:
             report(work.size)
     n = work.size
-    parts = (work.point, work.q, work.det, work.mark, work.beside, work.codes)
-    return Covering(window, *(part[:n].copy() for part in parts), modes, bool(front.size))
+    return Covering(
+        window=window,
+        point=work.point[:n].copy(),
+        q=work.q[:n].copy(),
+        det=work.det[:n].copy(),
+        mark=work.mark[:n].copy(),
+        beside=work.beside[:n].copy(),
+        codes=work.codes[:n].copy(),
+        modes=modes,
+        cut_short=bool(front.size),
+    )
 
 
 class _Filling:

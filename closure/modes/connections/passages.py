@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 
@@ -73,10 +74,11 @@ class Passage:
         return Passage(
             self.modes[::-1],
             self.names,
-            *(
-                np.array(array[::-1])
-                for array in (self.corners, self.values, self.q, self.determinant, self.sigma)
-            ),
+            np.array(self.corners[::-1]),
+            np.array(self.values[::-1]),
+            np.array(self.q[::-1]),
+            np.array(self.determinant[::-1]),
+            np.array(self.sigma[::-1]),
             self.residual,
         )
 
@@ -116,14 +118,14 @@ class Passages:
         failed: list[tuple[str, str]] = []
         modes = self.covering.modes
         for part in np.unique(self.covering.part[modes[modes >= 0]]):
-            own = [i for i in np.flatnonzero(modes >= 0) if self.covering.part[modes[i]] == part]
+            own = [
+                int(i) for i in np.flatnonzero(modes >= 0) if self.covering.part[modes[i]] == part
+            ]
             if len(own) > 1:
                 self._within(own, good, failed)
         return good, failed
 
-    def _within(
-        self, own: list[int], good: list[Passage], failed: list[tuple[str, str]]
-    ) -> None:
+    def _within(self, own: list[int], good: list[Passage], failed: list[tuple[str, str]]) -> None:
         """Join modes of one part by a tree of passages."""
         modes = self.covering.modes
         apart = np.array([self._reach(i)[0][modes[own]] for i in own])
@@ -258,15 +260,13 @@ class Passages:
             [(high - low) / n for (low, high), n in zip(window.ranges, window.shape, strict=True)]
         )
         found = [corners[:1]]
-        for begin, end in zip(corners[:-1], corners[1:], strict=True):
+        for begin, end in pairwise(corners):
             count = max(2, int(np.ceil(FINE * np.abs((end - begin) / cells).max())))
             shares = np.arange(1, count + 1)[:, None] / count
             found.append(begin + shares * (end - begin))
         return np.concatenate(found)
 
-    def _walked(
-        self, post: int, values: np.ndarray
-    ) -> tuple[np.ndarray | None, np.ndarray | None]:
+    def _walked(self, post: int, values: np.ndarray) -> tuple[np.ndarray | None, np.ndarray | None]:
         """Postures (s, nq) from one of the covering on along coordinates, and the last one's mark.
 
         Followed with all rows, by LAPACK; None where a step does not arrive.
@@ -274,7 +274,7 @@ class Passages:
         chart = self.covering.window.chart
         targets = chart.targets(values)
         q, found = self.covering.q[post], [self.covering.q[post]]
-        for begin, end in zip(targets[:-1], targets[1:], strict=True):
+        for begin, end in pairwise(targets):
             q, share = follow_alone(chart.problem, q, begin, end, SMALLEST)
             if share < 1.0:
                 return None, None

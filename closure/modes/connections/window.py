@@ -1,4 +1,4 @@
-"""The window of a slice: some of the coordinates that are held vary, on a grid through their values."""
+"""The window of a slice: coordinates that are held vary, on a grid through the modes' values."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ TURN = 2.0 * np.pi
 SAME = 1e-9
 
 Range = tuple[float, float] | None
-Over = Mapping[str, tuple[float, float]] | Sequence[str] | str
+Over = Mapping[str, Range] | Sequence[str] | str
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +60,9 @@ class Window:
     @cached_property
     def middle(self) -> int:
         """Flat index of the grid point of the modes."""
-        nearest = [int(np.abs(axis - x).argmin()) for axis, x in zip(self.axes, self.at)]
+        nearest = [
+            int(np.abs(axis - x).argmin()) for axis, x in zip(self.axes, self.at, strict=True)
+        ]
         return int(np.ravel_multi_index(tuple(nearest), self.shape))
 
     @cached_property
@@ -79,7 +81,7 @@ class Window:
 
     @cached_property
     def beside(self) -> np.ndarray:
-        """Flat index of each grid point's neighbours (points, 2 k), down and up each axis; or -1."""
+        """Flat index of each point's neighbours (points, 2 k), down and up each axis; or -1."""
         index = np.arange(int(np.prod(self.shape))).reshape(self.shape)
         found = []
         for axis, whole in enumerate(self.whole):
@@ -92,7 +94,7 @@ class Window:
         return np.stack(found, axis=1)
 
     def onward(self, points: np.ndarray, side: np.ndarray) -> np.ndarray:
-        """Coordinates (n, k) of the neighbours of points on a side; past a whole turn, beyond it."""
+        """Coordinates (n, k) of the neighbours of points on a side, beyond a whole turn too."""
         there = self.values(self.beside[points, side])
         here = self.values(points)
         rows, axis, up = np.arange(len(points)), side // 2, side % 2 == 1
@@ -157,9 +159,13 @@ def _range(name: str, given: object) -> Range:
     try:
         low, high = (float(x) for x in given)  # type: ignore[attr-defined]
     except (TypeError, ValueError):
-        raise ClosureError(f"the range of {name!r} must be (lowest, highest), got {given!r}") from None
+        raise ClosureError(
+            f"the range of {name!r} must be (lowest, highest), got {given!r}"
+        ) from None
     if not (np.isfinite([low, high]).all() and low < high):
-        raise ClosureError(f"the range of {name!r} must rise and be finite, got {low:g} to {high:g}")
+        raise ClosureError(
+            f"the range of {name!r} must rise and be finite, got {low:g} to {high:g}"
+        )
     return low, high
 
 
