@@ -55,7 +55,7 @@ def test_a_turned_box_and_a_ball_beside_it() -> None:
     assert inertial_of([Shape("mesh", (1.0, 1.0, 1.0))], 1000.0) is None
 
 
-@pytest.mark.parametrize("name", cc.robots())
+@pytest.mark.parametrize("name", cc.robots("papers"))
 def test_robots_get_masses_and_nothing_else(name: str) -> None:
     m = cc.load(name)
     heavy = cc.with_inertias(m)
