@@ -139,6 +139,11 @@ def robots(group: str | None = None) -> tuple[str, ...]:
     With a group, of that group alone: ``"papers"`` are the robots whose papers are worked through,
     with closed forms of their own; ``"classics"`` are well-known mechanisms. Raises
     ``DescriptionError`` for an unknown group.
+
+    Examples
+    --------
+    >>> "d1" in cc.robots()
+    True
     """
     if group is None:
         return tuple(_CATALOGUE)
@@ -193,6 +198,13 @@ def load(name: str, *, variant: str | None = None, **parameters: ParameterValue)
     DescriptionError
         Unknown robot, variant, parameter or choice (lists the known ones), or sizes that do not
         close.
+
+    Examples
+    --------
+    >>> cc.load("linear_delta").name
+    'linear_delta'
+    >>> round(float(cc.load("linear_delta", b=0.6).parameters["b"]), 3)  # longer rods
+    0.6
     """
     if name.startswith(PREFIX):
         if variant is not None or parameters:

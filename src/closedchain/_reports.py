@@ -91,6 +91,7 @@ def info(mechanism: Mechanism, json: bool) -> None:
         "characteristic length [m]": mechanism.length,
         "task": "none" if task is None else f"{task.tip} against {task.base}",
         "outputs": "none" if task is None else task.outputs,
+        "mass that moves [kg]": data["mass"] or "none is stated",
     }
     if data["tip"]:
         facts["tip at home, xyz [m]"] = _tidy(data["tip"]["xyz"])
@@ -160,6 +161,7 @@ def _info_data(mechanism: Mechanism) -> dict[str, Any]:
         "nv": mechanism.model.nv,
         "rows": mechanism.rows,
         "length": mechanism.length,
+        "mass": float(sum(inertia.mass for inertia in list(mechanism.model.inertias)[1:])),
         "task": None if task is None else vars(task),
         "tip": tip(mechanism, mechanism.home),
         "inputs": [
