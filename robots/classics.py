@@ -72,9 +72,9 @@ CLASSICS = (
         "three driven legs, U joints",
         "L.-W. Tsai, Kinematics of a three-DOF platform with three extensible limbs, 1996; C. Han et "
         "al., Kinematic sensitivity analysis of the 3-UPU parallel mechanism, 2002",
-        snu={},
-        tsai={"axes": "tangential"},
-        tsai_equal={"axes": "tangential", "platform_side": 1},
+        tsai={},
+        tsai_equal={"platform_side": 1},
+        snu={"axes": "radial"},
     ),
     _classic(
         "delta",
