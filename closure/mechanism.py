@@ -76,6 +76,16 @@ class Mechanism:
         What the numbers of the description miss, if they are rounded.
     open_by : float
         Largest closure row at home [m, rad] where no closed home was found; else 0.
+
+    Examples
+    --------
+    >>> m = cc.load("linear_delta")
+    >>> m.inputs, m.task.outputs
+    (('q1', 'q2', 'q3'), ('x', 'y', 'z'))
+    >>> print(m.point(m.home, "P"))  # where the tip is at home [m]
+    [ 0.   0.  -0.6]
+    >>> "+--" in m.postures  # postures of the description by name
+    True
     """
 
     name: str

@@ -51,6 +51,12 @@ class Mobility:
     undriven, idle : int or None
         Freedoms that move the outputs of the task with all inputs locked, in every posture, and
         freedoms that move neither inputs nor outputs; None without a task.
+
+    Examples
+    --------
+    >>> found = cc.mobility(cc.load("linear_delta"))
+    >>> found.gruebler, found.mobility, found.redundant_rows
+    (-9, 3, 12)
     """
 
     links: int
@@ -97,6 +103,12 @@ def mobility(mechanism: Mechanism) -> Mobility:
     Gruebler's (Kutzbach's) count F = 6 (n - j - 1) + sum f_i [Gallardo-Alvarado 2010, eq. (1)]
     knows only numbers; the mobility is nv - rank K on the set of closed postures. Virtual
     chains (floating joints) have six freedoms and add nothing to either.
+
+    Examples
+    --------
+    >>> found = cc.mobility(cc.load("linear_delta"))
+    >>> found.mobility, found.gruebler  # parallelograms fool the count
+    (3, -9)
     """
     counts, cross_links = _pairs(mechanism.description)
     bodies = _bodies(mechanism.description) - cross_links

@@ -26,13 +26,21 @@ HEALTHY = 1e-2
 
 def healthy(problem: Problem, q: np.ndarray) -> bool:
     """Whether the Jacobian of all rows is well away from losing rank at a posture (nq,)."""
+    return least_share(problem, q) > HEALTHY
+
+
+def least_share(problem: Problem, q: np.ndarray) -> float:
+    """Least singular value of the Jacobian of all rows at ``q`` (nq,), as a share of the largest.
+
+    Of those that count for the rank; 1 where there are no rows.
+    """
     s = np.linalg.svd(problem.jacobian_at(q), compute_uv=False)
     rank = len(problem.kept)
-    return bool(rank == 0 or s[rank - 1] > HEALTHY * s[0])
+    return float(s[rank - 1] / s[0]) if rank and s[0] > 0.0 else float(rank == 0)
 
 
 @dataclass(frozen=True, eq=False)
-class _Between:
+class Between:
     """The equations at shares of the way between two targets (prescribed,)."""
 
     problem: Problem
@@ -84,13 +92,13 @@ class _Between:
 
 def close_alone(problem: Problem, q: np.ndarray, target: np.ndarray) -> np.ndarray | None:
     """Posture beside one (nq,) that is closed at a target (prescribed,), or None."""
-    found = correct(*_Between(problem, target, target)(q, 1.0))
+    found = correct(*Between(problem, target, target)(q, 1.0))
     return found.q if found.refusal is None else None
 
 
 def system_at(problem: Problem, target: np.ndarray, q: np.ndarray) -> tuple[System, np.ndarray]:
     """Equations at a target (prescribed,); a posture (nq,) with what is pinned moved there."""
-    return _Between(problem, target, target)(q, 1.0)
+    return Between(problem, target, target)(q, 1.0)
 
 
 def follow_alone(
@@ -100,7 +108,7 @@ def follow_alone(
 
     Returns the last good posture and the share of the way that was gone, 1 where it arrived.
     """
-    there = _Between(problem, begin, end)
+    there = Between(problem, begin, end)
     start = correct(*there(q, 0.0))
     if start.refusal is not None:
         return q, 0.0

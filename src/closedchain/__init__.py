@@ -56,6 +56,7 @@ if TYPE_CHECKING:
         follow,
     )
     from closedchain.analysis.motion.follow.task_path import TaskPath, read_task_path, task_path
+    from closedchain.analysis.motion.joint_positions import JointPositions, joint_positions
     from closedchain.analysis.motion.self_motion.motion import SelfMotion, self_motion
     from closedchain.analysis.motion.track.stops import Stop
     from closedchain.analysis.motion.track.tracking import Track, track
@@ -113,6 +114,7 @@ _LATER = {
     "analysis.structure.dependence": "Dependence dependence",
     "analysis.motion.follow": "Comparison ComparisonRow Follow compare follow",
     "analysis.motion.follow.task_path": "TaskPath read_task_path task_path",
+    "analysis.motion.joint_positions": "JointPositions joint_positions",
     "analysis.screws.hessian": "Hessian hessian",
     "analysis.screws.legs": "LegVelocity leg_velocity",
     "analysis.structure.loops": "LoopGraph loops",
@@ -175,6 +177,7 @@ __all__ = [
     "Hessian",
     "InputDynamics",
     "InverseDynamics",
+    "JointPositions",
     "LegVelocity",
     "LoopGraph",
     "Mechanism",
@@ -222,6 +225,7 @@ __all__ = [
     "input_efforts",
     "inverse",
     "inverse_dynamics",
+    "joint_positions",
     "largest_compliance",
     "leg_velocity",
     "load",

@@ -19,30 +19,38 @@ if TYPE_CHECKING:
     from closedchain.closure import Mechanism, Solution
 
 _WIDTH = 100  # of lines of prose
+_HEADINGS = {
+    "papers": "Robots of papers, with closed forms of their own (--json names the papers):",
+    "classics": "Classics, each with numbers that are settled (docs/robots/classics.md):",
+}
 
 
 def catalogue(json: bool) -> None:
-    """Robots of the catalogue."""
-    from closedchain.robots import robot, robots
+    """Robots of the catalogue, group by group."""
+    from closedchain.robots import groups, robot, robots
 
-    entries = [robot(name) for name in robots()]
+    entries = {group: [robot(name) for name in robots(group)] for group in groups()}
     if json:
         print_json(
             [
                 {
                     "name": entry.name,
+                    "group": group,
                     "title": entry.title,
                     "source": entry.source,
                     "variants": list(entry.variants),
                 }
-                for entry in entries
+                for group, found in entries.items()
+                for entry in found
             ]
         )
         return
-    table(
-        ("robot", "title", "source", "variants"),
-        [(e.name, e.title, e.source, " ".join(e.variants)) for e in entries],
-    )
+    for i, (group, found) in enumerate(entries.items()):
+        say(("\n" if i else "") + _HEADINGS[group])
+        table(
+            ("robot", "what it is", "variants"),
+            [(e.name, e.title, " ".join(e.variants)) for e in found],
+        )
 
 
 def members(name: str, json: bool) -> None:
@@ -83,6 +91,7 @@ def info(mechanism: Mechanism, json: bool) -> None:
         "characteristic length [m]": mechanism.length,
         "task": "none" if task is None else f"{task.tip} against {task.base}",
         "outputs": "none" if task is None else task.outputs,
+        "mass that moves [kg]": data["mass"] or "none is stated",
     }
     if data["tip"]:
         facts["tip at home, xyz [m]"] = _tidy(data["tip"]["xyz"])
@@ -152,6 +161,7 @@ def _info_data(mechanism: Mechanism) -> dict[str, Any]:
         "nv": mechanism.model.nv,
         "rows": mechanism.rows,
         "length": mechanism.length,
+        "mass": float(sum(inertia.mass for inertia in list(mechanism.model.inertias)[1:])),
         "task": None if task is None else vars(task),
         "tip": tip(mechanism, mechanism.home),
         "inputs": [

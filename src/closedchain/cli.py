@@ -19,6 +19,7 @@ from closedchain import _reports as reports
 from closedchain._closed_forms_command import closed_forms
 from closedchain._export_command import export
 from closedchain._follow_command import follow
+from closedchain._joints_command import joints
 from closedchain._options import (
     At,
     Json,
@@ -360,6 +361,7 @@ app.command()(reads_a_file(follow))
 app.command()(reads_a_file(closed_forms))
 app.command()(reads_a_file(export))
 app.command()(reads_a_file(postures))
+app.command()(reads_a_file(joints))
 app.command()(reads_a_file(statics))
 app.command()(reads_a_file(simulate))
 app.command()(reads_a_file(resets))

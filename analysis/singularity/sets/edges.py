@@ -194,12 +194,18 @@ def _checked(lattice: Lattice, kind: str, z: np.ndarray, found: np.ndarray) -> n
     """Points (n, nq + k) that were found, are closed, and singular; NaN for the others."""
     out = np.full_like(z, np.nan)
     chosen = np.flatnonzero(found & np.isfinite(z).all(axis=1))
-    column = KINDS.index(kind)
-    for begin in range(0, len(chosen), CHUNK):
-        some = chosen[begin : begin + CHUNK]
-        q = z[some, : lattice.q.shape[-1]]
-        seen = evidence(lattice.chart.mechanism, q, lattice.outputs)
-        sigmas = sigmas_of(lattice.chart.mechanism, seen, lattice.outputs)
-        good = (sigmas[:, column] < ZERO) & (seen.residual < CLOSED)
-        out[some[good]] = z[some[good]]
+    good = singular_points(lattice, kind, z[chosen])
+    out[chosen[good]] = z[chosen[good]]
     return out
+
+
+def singular_points(lattice: Lattice, kind: str, z: np.ndarray) -> np.ndarray:
+    """Which points (n, nq + k) are closed postures that are singular, (n,) of bool."""
+    mechanism, outputs, column = lattice.chart.mechanism, lattice.outputs, KINDS.index(kind)
+    good = np.zeros(len(z), dtype=bool)
+    for begin in range(0, len(z), CHUNK):
+        some = slice(begin, begin + CHUNK)
+        seen = evidence(mechanism, z[some, : lattice.q.shape[-1]], outputs)
+        sigmas = sigmas_of(mechanism, seen, outputs)
+        good[some] = (sigmas[:, column] < ZERO) & (seen.residual < CLOSED)
+    return good

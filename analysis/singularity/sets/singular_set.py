@@ -9,6 +9,7 @@ import numpy as np
 
 from closedchain.analysis.singularity.classify import SINGULAR
 from closedchain.analysis.singularity.sets.classifying import Kinds, classified
+from closedchain.analysis.singularity.sets.mesh_fit import Fit
 from closedchain.closure.chart import Chart
 from closedchain.closure.solve.outcome import Ending
 
@@ -77,9 +78,21 @@ class SingularitySet:
         Sign changes and ends of the branch on a grid twice as fine that are no nearer than a cell
         to the set; None where that was not checked.
     note : str
+    fit : Fit or None
+        How well the triangles of a surface lie on it; None where there are none.
     cusps, cusps_q : (n, k) and (n, nq) arrays
         Coordinates [m or rad] and postures where a curve of folds turns back and three postures
         meet; empty where they were not asked for, and for other kinds.
+
+    Examples
+    --------
+    >>> m = cc.load("eclipse")
+    >>> over = {"tilt": np.linspace(0.3, 1.5, 13), "azimuth": np.linspace(-np.pi, np.pi, 19)}
+    >>> found = cc.singularity_set(m, "direct", over)
+    >>> found.verdict, found.missed
+    ('curve', 0)
+    >>> round(float(np.degrees(found.coordinates[:, 0].min())), 1)  # least singular tilt
+    48.2
     """
 
     kind: str
@@ -102,6 +115,7 @@ class SingularitySet:
     dropped: int
     missed: int | None
     note: str
+    fit: Fit | None = None
     cusps: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
     cusps_q: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
 

@@ -1,37 +1,32 @@
-"""Singular surfaces of a slice of three coordinates: marching cubes on signs, vertices polished.
+"""Singular surfaces of a slice of three coordinates, each smooth sheet meshed by itself.
 
-On the grid only signs are used: of the determinant inside the branch, or of belonging to the
-branch where its end is the surface. Every vertex lies on an edge of the grid and is found there
-exactly, all of them at once.
+Sign changes of a determinant, and ends of the branch where it folds, show where a surface is. From
+there its sheets are followed over the whole range, so that they cross where they cross.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import replace
 
 import numpy as np
 
-from closedchain.analysis.singularity.maps.grid import JOINT_LIMIT, Progress
+from closedchain.analysis.singularity.maps.grid import Progress
 from closedchain.analysis.singularity.sets.bordered import Measure
+from closedchain.analysis.singularity.sets.edges import Edges
 from closedchain.analysis.singularity.sets.lattice import Lattice, finer
-from closedchain.analysis.singularity.sets.membership import reached
-from closedchain.analysis.singularity.sets.meshing import Mesh, mesh_of
 from closedchain.analysis.singularity.sets.seeds import brackets, middles
+from closedchain.analysis.singularity.sets.sheets import Sheets
 from closedchain.analysis.singularity.sets.singular_set import Piece, SingularitySet, collect
 from closedchain.analysis.singularity.sets.slices import Slice
 from closedchain.analysis.singularity.sets.touching import touching
 from closedchain.analysis.singularity.sets.tracked import Tracker
+from closedchain.analysis.singularity.sets.triangles import meshed
 
-
-@dataclass(frozen=True, eq=False)
-class Meshed:
-    """A mesh with points (V, nq + k) at its vertices, and how much of it was not found."""
-
-    points: np.ndarray
-    triangles: np.ndarray
-    dropped: int
-    holes: int
-    whole: int
+FIRST = 16
+"""Places from which sheets are followed before it is asked which others these explain."""
+NEAREST = 4  # vertices whose tangent planes may explain why the set passes between two cells
+APART = 1.5  # cells: how far such a vertex may be
+SLACK = 0.2  # cells: how far beyond the ends of an edge its plane may cut it
 
 
 def surface_set(
@@ -44,93 +39,88 @@ def surface_set(
 ) -> SingularitySet:
     """Surface of a kind whose matrix is square, over three coordinates.
 
-    ``check`` it against a grid twice as fine: where that shows more, its own mesh is added there.
+    ``check`` it against a grid twice as fine: where that shows more, this is followed, too.
     """
     system = Slice(lattice.chart, (Measure(lattice.chart.mechanism, kind, outputs),))
     tracker = Tracker(system, lattice)
-    meshes = [_meshed(tracker, lattice, kind, None, progress)]
-    missed, branch = None, [lattice]
+    sheets = Sheets(system, kind, [lattice])
+    dropped = _follow(sheets, tracker, lattice, brackets(lattice, kind), progress)
+    missed = None
     if check:
         fine = finer(lattice, progress)
-        branch.append(fine)
-        places = middles(fine, brackets(fine, kind))
-        away = _away(system, meshes, places, lattice.cell)
-        if away.any():
-            meshes.append(_meshed(tracker, fine, kind, places[away], progress))
-            away = _away(system, meshes, places, lattice.cell)
-        missed = int(away.sum())
-    pieces = [
-        Piece(m.points, reached(system, branch, m.points), triangles=m.triangles)
-        for m in meshes
-        if len(m.points)
-    ]
+        sheets.branch.append(fine)
+        edges = brackets(fine, kind)
+        edges = edges.take(_away(sheets, fine, edges))
+        dropped += _follow(sheets, tracker, fine, edges, progress)
+        missed = int(_away(sheets, fine, edges).sum())
+    mesh = meshed(sheets)
+    pieces = []
+    if len(mesh.triangles):
+        pieces.append(Piece(mesh.points, mesh.on_branch, triangles=mesh.triangles))
     if kind in lattice.det:
         pieces += touching(system, lattice, kind)[0]
-    holes, whole = sum(m.holes for m in meshes), sum(m.whole for m in meshes)
-    return collect(
+    found = collect(
         lattice.chart,
         kind,
         outputs,
         pieces,
         dimension=2,
         verdict="surface" if pieces else "none found",
-        dropped=sum(m.dropped for m in meshes),
+        dropped=dropped,
         missed=missed,
-        note=f"{holes} of {whole} triangles are left out" if holes else "",
+        note=mesh.fit.text if len(mesh.triangles) else "",
     )
+    return replace(found, fit=mesh.fit) if len(mesh.triangles) else found
 
 
-def _meshed(
-    tracker: Tracker,
-    lattice: Lattice,
-    kind: str,
-    places: np.ndarray | None,
-    progress: Progress | None,
-) -> Meshed:
-    """Mesh of a lattice, or only its part around some places (n, 3)."""
-    if kind == lattice.chart.folds:
-        inside, known = lattice.ok, lattice.status != JOINT_LIMIT
-    else:
-        det = np.where(lattice.ok, lattice.det[kind], -1.0)
-        inside, known = det >= 0.0, lattice.ok
-    mesh = mesh_of(inside, known, lattice.apart)
-    triangles = mesh.triangles
-    if places is not None:
-        triangles = triangles[_around(lattice, mesh, places)]
-    used = np.unique(triangles)
-    edges = mesh.edges.take(used)
-    if progress is not None:
-        progress(f"polishing the {kind} surface", 0, len(edges))
-    points = tracker.located(kind, lattice, edges)
-    if progress is not None:
-        progress(f"polishing the {kind} surface", len(edges), len(edges))
-    found = np.isfinite(points[:, 0])
-    number = np.full(len(mesh.edges), -1)
-    number[used[found]] = np.arange(int(found.sum()))
-    numbered = number[triangles].reshape(-1, 3)
-    kept = numbered[(numbered >= 0).all(axis=1)]
-    return Meshed(
-        points[found], kept, int((~found).sum()), len(triangles) - len(kept), len(triangles)
-    )
+def _follow(
+    sheets: Sheets, tracker: Tracker, lattice: Lattice, edges: Edges, progress: Progress | None
+) -> int:
+    """Follow the sheets that edges of a lattice show. Returns on how many none was found."""
+    total, lost, count = len(edges), 0, FIRST
+    while len(edges):
+        some = np.unique(np.linspace(0, len(edges) - 1, min(count, len(edges))).astype(int))
+        points = tracker.located(sheets.kind, lattice, edges.take(some))
+        for z in points:
+            if np.isfinite(z).all():
+                sheets.begin(z)
+            else:
+                lost += 1
+        sheets.follow()
+        left = np.ones(len(edges), dtype=bool)
+        left[some] = False
+        edges = edges.take(left)
+        edges = edges.take(~_explained(sheets, lattice, edges))
+        count *= 4
+        if progress is not None:
+            progress(f"following the {sheets.kind} surface", total - len(edges), total)
+    return lost
 
 
-def _around(lattice: Lattice, mesh: Mesh, places: np.ndarray) -> np.ndarray:
-    """Which triangles of a mesh lie within two cells of some places, (T,) of bool."""
+def _explained(sheets: Sheets, lattice: Lattice, edges: Edges) -> np.ndarray:
+    """Which edges the tangent plane of some vertex nearby cuts, (n,) of bool."""
     from scipy.spatial import cKDTree
 
-    if not len(mesh.triangles):
-        return np.zeros(0, dtype=bool)
-    centres = middles(lattice, mesh.edges)[mesh.triangles].mean(axis=1)
-    apart, _ = cKDTree(places / lattice.cell).query(centres / lattice.cell)
-    return np.asarray(apart <= 2.0)
+    if not sheets.vertices or not len(edges):
+        return np.zeros(len(edges), dtype=bool)
+    cell = sheets.cubes.cell
+    at = np.array([sheets.system.coordinates(v.z) for v in sheets.vertices]) / cell
+    normals = np.array([v.normal for v in sheets.vertices])
+    low, high = lattice.place(edges.lower) / cell, lattice.place(edges.upper) / cell
+    apart, near = cKDTree(at).query(0.5 * (low + high), k=min(NEAREST, len(at)))
+    apart, near = apart.reshape(len(edges), -1), near.reshape(len(edges), -1)
+    one, two = (((end[:, None] - at[near]) * normals[near]).sum(axis=-1) for end in (low, high))
+    cuts = (np.minimum(one, two) <= SLACK) & (np.maximum(one, two) >= -SLACK)
+    return np.asarray((cuts & (apart <= APART)).any(axis=1))
 
 
-def _away(system: Slice, meshes: list[Meshed], places: np.ndarray, cell: np.ndarray) -> np.ndarray:
-    """Which places (n, 3) have no vertex within a cell, (n,) of bool."""
+def _away(sheets: Sheets, lattice: Lattice, edges: Edges) -> np.ndarray:
+    """Which edges of a lattice have no vertex within a cell, (n,) of bool."""
     from scipy.spatial import cKDTree
 
-    points = np.concatenate([system.coordinates(m.points) for m in meshes])
-    if not len(points) or not len(places):
-        return np.ones(len(places), dtype=bool)
-    apart, _ = cKDTree(points / cell).query(places / cell)
+    if not sheets.vertices or not len(edges):
+        return np.ones(len(edges), dtype=bool)
+    cell = sheets.cubes.cell
+    at = np.array([sheets.system.coordinates(v.z) for v in sheets.vertices]) / cell
+    apart, _ = cKDTree(at).query(middles(lattice, edges) / cell)
     return np.asarray(apart > 1.0)
