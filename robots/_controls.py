@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from closedchain.closure import Mechanism
 from closedchain.closure.code.exporting import export_code
 from closedchain.closure.singularity_kinds import COMBINED, KINDS, TYPES
-from closedchain.robots._layers import draw_layers, joint_names, layer_switches
+from closedchain.robots._layers import Reach, draw_layers, joint_names, layer_switches
 from closedchain.robots._page import Fragment, data_script, json_in_script, resource
 from closedchain.robots._planes import plane_data, plane_maps
 from closedchain.robots._player import moving
@@ -78,6 +78,7 @@ def controls(mechanism: Mechanism, q: np.ndarray, scene: Scene, offered: Control
     (module,) = export_code(mechanism, "js", name="robot").values()
     knobs = list(_knobs(mechanism, bodies.size))
     measured = bool(mechanism.inputs) and mechanism.task is not None
+    reach = Reach.of(mechanism.outputs()) if measured else None
     used, parts, sticks = moving(bodies)
     layers = draw_layers(scene, mechanism, measured=measured)
     parts += layers.parts(used)
@@ -99,6 +100,7 @@ def controls(mechanism: Mechanism, q: np.ndarray, scene: Scene, offered: Control
         "fall": (-FREE_FALL * TO_Z[scene.up][2]).tolist(),
         "measured": measured,
         "near": NEAR,
+        "reach": None if reach is None else {"first": reach.first, "count": reach.count},
         "titles": {kind.name: kind.title for kind in (*KINDS.values(), COMBINED)},
         "types": {name: f"{one.title}: {one.meaning}" for name, one in TYPES.items()},
     }
@@ -110,11 +112,11 @@ def controls(mechanism: Mechanism, q: np.ndarray, scene: Scene, offered: Control
         + '<p id="told" class="told" role="status" hidden></p>\n'
         + '<p id="limits" class="told" role="status" hidden></p>\n'
         + _lists(places, modes)
-        + _readouts(mechanism, measured)
+        + _readouts(mechanism, reach)
         + plane_maps(offered.planes)
         + _series_rows(series)
         + (_load(mechanism) if measured else "")
-        + layer_switches(layers, measured=measured)
+        + layer_switches(layers, reach)
         + _buttons()
         + '</div>\n<div id="signs" hidden></div>\n'
         + data_script("instrument", json_in_script(data))
@@ -236,13 +238,13 @@ def _rounded(step: float) -> str:
     return f"{10.0 ** math.floor(math.log10(max(step, 1e-6))):g}"
 
 
-def _readouts(mechanism: Mechanism, measured: bool) -> str:
+def _readouts(mechanism: Mechanism, reach: Reach | None) -> str:
     rows = ['<tr><th>loops open by</th><td id="residual"></td></tr>']
     if mechanism.task is not None:
         tip = html.escape(mechanism.task.tip)
         rows.append(f'<tr><th>tip {tip}, x y z</th><td id="tip-place" colspan="2"></td></tr>')
         rows.append('<tr><th>roll pitch yaw</th><td id="tip-turn" colspan="2"></td></tr>')
-    if measured:
+    if reach is not None:
         rows.append('<tr><th>posture</th><td id="kinds" colspan="2"></td></tr>')
         rows.append('<tr><th>types (Zlatanov)</th><td id="types" colspan="2"></td></tr>')
         rows.append('<tr><th>singular posture</th><td id="distance" colspan="2"></td></tr>')
@@ -251,9 +253,10 @@ def _readouts(mechanism: Mechanism, measured: bool) -> str:
             f'<td class="bar"><span><b id="bar-{kind}"></b></span></td></tr>'
             for kind in ("direct", "inverse")
         ]
-        rows.append('<tr><th>evenness of the tip</th><td id="evenness"></td></tr>')
+        if reach.count > 1:
+            rows.append('<tr><th>evenness of the tip</th><td id="evenness"></td></tr>')
         rows.append(
-            '<tr><th>effort for 1 N, at most</th><td id="effort-per-force"></td>'
+            f'<tr><th>effort for {reach.load}, at most</th><td id="effort-per-force"></td>'
             f"<td>{_effort_units(mechanism)}</td></tr>"
         )
     joints = "".join(

@@ -21,9 +21,39 @@ TITLES = {
     "names": "joint names",
     "axes": "joint axes, inputs' thicker, and the frames of world and tip",
     "ground": "ground",
-    "velocity": "speeds of the tip for input rates of norm 1",
-    "force": "forces at the tip held by efforts of norm 1",
 }
+
+
+@dataclass(frozen=True)
+class Reach:
+    """What a tip's ellipsoids are of: its place, or the rotations of a tip that only turns.
+
+    ``first`` is the row of the twist that it begins with, ``count`` how many of it are outputs.
+    """
+
+    first: int
+    count: int
+
+    @staticmethod
+    def of(outputs: tuple[str, ...]) -> Reach:
+        """That of a task."""
+        places = sum(name in "xyz" for name in outputs)
+        return Reach(0, places) if places else Reach(3, len(outputs))
+
+    @property
+    def titles(self) -> dict[str, str]:
+        """What the two ellipsoids are called, with their units."""
+        speed, load = ("speeds", "forces") if self.first == 0 else ("angular speeds", "moments")
+        units = ("m/s", "N") if self.first == 0 else ("rad/s", "N m")
+        return {
+            "velocity": f"{speed} of the tip for input rates of norm 1 [{units[0]}]",
+            "force": f"{load} at the tip held by efforts of norm 1 [{units[1]}]",
+        }
+
+    @property
+    def load(self) -> str:
+        """Unit load of the half."""
+        return "1 N" if self.first == 0 else "1 N m"
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,16 +163,13 @@ def joint_names(mechanism: Mechanism) -> Iterator[dict[str, Any]]:
             yield {"text": closure.name, "body": int(closure.joint1), "at": at, "driven": False}
 
 
-def layer_switches(layers: Layers, *, measured: bool) -> str:
-    """Switches of the layers."""
+def layer_switches(layers: Layers, reach: Reach | None) -> str:
+    """Switches of the layers; ``reach`` where there are ellipsoids."""
     rows = []
-    for name, title in TITLES.items():
-        if name in ("velocity", "force") and not measured:
-            continue
+    for name, title in (TITLES | (reach.titles if reach else {})).items():
         on = " checked" if name == "ground" else ""
         more = f", squares of {layers.cell:g} m" if name == "ground" else ""
-        unit = {"velocity": " [m/s]", "force": " [N]"}.get(name, "")
-        told = f'<output id="axes-{name}"></output>' if unit else ""
+        told = "" if name in TITLES else f'<output id="axes-{name}"></output>'
         switch = f'<input type="checkbox" id="layer-{name}"{on}>'
-        rows.append(f"<label>{switch} {title}{more}{unit}{told}</label>")
+        rows.append(f"<label>{switch} {title}{more}{told}</label>")
     return f'<h2>in the scene</h2>\n<div class="layers">{"".join(rows)}</div>\n'

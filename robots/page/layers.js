@@ -43,9 +43,11 @@ function showEllipsoid(name, told) {
   ).decompose(node.position, node.quaternion, node.scale);
 }
 
-// Speeds of the tip for input rates of norm 1, and forces that efforts of norm 1 hold.
+// Speeds of the tip for input rates of norm 1, and forces that efforts of norm 1 hold; of a tip
+// whose outputs are rotations, angular ones and moments.
 const LOST = 1e-9;
-const velocityEllipsoid = (map) => (map === null ? null : ellipsoidOf(map.slice(0, 3)));
+const half = (map) => map.slice(data.reach.first, data.reach.first + 3);
+const velocityEllipsoid = (map) => (map === null ? null : ellipsoidOf(half(map)));
 
 function forceEllipsoid(found) {
   if (found === null) return null;
@@ -74,13 +76,14 @@ function showLayers() {
   viewer.set_dirty();
 }
 
-// How evenly the inputs move the tip's place, and the largest effort for a force of 1 N.
+// How evenly the inputs move the tip in its outputs, and the largest effort for a load of 1.
 function showQuality(map, velocity) {
-  const [most, , least] = velocity?.radii ?? [];
-  cell("evenness", velocity === null ? "not told here" : (most > 0 ? least / most : 0).toFixed(3));
-  const forUnit = (i) => Math.hypot(map[0][i], map[1][i], map[2][i]);
-  const columns = map === null ? [] : map[0].map((_, i) => forUnit(i));
-  cell("effort-per-force", map === null ? "no bound" : Math.max(...columns).toPrecision(3));
+  const [most] = velocity?.radii ?? [], least = velocity?.radii[data.reach.count - 1];
+  if (data.reach.count > 1)
+    cell("evenness", velocity === null ? "not told here" : (most > 0 ? least / most : 0).toFixed(3));
+  const rows = map === null ? [] : half(map);
+  const columns = rows.length ? rows[0].map((_, i) => Math.hypot(...rows.map((row) => row[i]))) : [];
+  cell("effort-per-force", columns.length ? Math.max(...columns).toPrecision(3) : "no bound");
 }
 
 for (const name of ["names", "axes", "ground", "velocity", "force"])

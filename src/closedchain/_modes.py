@@ -1,4 +1,4 @@
-"""The assembly modes that a page offers: all that a short search finds at the inputs of a posture."""
+"""The assembly modes that a page offers: what a short search finds at the inputs of a posture."""
 
 from __future__ import annotations
 
