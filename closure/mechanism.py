@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 from closedchain.closure.closures import Closure, Coupling
 from closedchain.closure.joint_kinds import FLOATING, TREE_KINDS
 from closedchain.closure.rigid_constraints import rigid_constraints
+from closedchain.closure.showing import registered
 from closedchain.closure.solve.control import CLOSED
 from closedchain.closure.workspace import Workspace
 from closedchain.urdf.description import OUTPUTS, Description, ParameterValue
@@ -131,6 +132,29 @@ class Mechanism:
         )
 
     # -- sizes, columns and scales ---------------------------------------------------------------
+
+    def show(self, q: ArrayLike | None = None, **options: Any) -> Any:
+        """Page of the mechanism for a notebook: sliders move it, its loops stay closed.
+
+        Parameters
+        ----------
+        q : (nq,) array, optional
+            Posture to begin with; home by default.
+        **options
+            ``height`` [pixels], ``up``, ``overlays``, ``controls``, ``title``, ``animation``, as
+            ``closedchain.robots.embedding.show``.
+
+        Returns
+        -------
+        Embedded
+            A notebook shows it where it is the last value of a cell; it needs no network.
+
+        Raises
+        ------
+        ClosureError
+            Malformed posture or options.
+        """
+        return registered()(self, q, **options)
 
     @cached_property
     def rows(self) -> int:

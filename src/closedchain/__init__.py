@@ -17,6 +17,7 @@ from closedchain.closure import (
     residual,
 )
 from closedchain.closure.files import load_file
+from closedchain.closure.showing import register as _register
 from closedchain.robots import load, robots
 from closedchain.urdf.errors import ClosedChainError, ClosureError, DescriptionError
 
@@ -134,6 +135,16 @@ _LATER = {
     "analysis.velocity": "Velocity velocity",
 }
 _MODULES = {name: module for module, names in _LATER.items() for name in names.split()}
+
+
+def _show(mechanism: Mechanism, q: Any = None, **options: Any) -> Any:
+    """What ``Mechanism.show`` does: drawing is imported when it is first asked for."""
+    from closedchain.robots.embedding import show
+
+    return show(mechanism, q, **options)
+
+
+_register(_show)
 
 
 def __getattr__(name: str) -> Any:
