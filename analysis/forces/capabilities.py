@@ -96,7 +96,7 @@ def compliance(mechanism: Mechanism, q: ArrayLike, stiffness: ArrayLike) -> np.n
     ClosureError
         As ``capabilities``; stiffnesses that are not above zero.
     """
-    k = _stiffness(mechanism, stiffness)
+    k = drive_stiffness(mechanism, stiffness)
     t = _twist_map(mechanism, q)
     return np.asarray((t / k) @ t.T)
 
@@ -122,7 +122,7 @@ def stiffness(mechanism: Mechanism, q: ArrayLike, drives: ArrayLike) -> np.ndarr
         As ``compliance``; outputs that are more or fewer than the inputs, or an inverse
         singularity: the tip is rigid in some direction, and only its compliance is finite.
     """
-    k = _stiffness(mechanism, drives)
+    k = drive_stiffness(mechanism, drives)
     t = velocity(mechanism, q).twist_map
     if t is None:
         raise ClosureError("the inputs do not determine the tip there (a direct singularity)")
@@ -161,44 +161,6 @@ def twist_maps(mechanism: Mechanism, postures: ArrayLike) -> np.ndarray:
     return found
 
 
-def effort_per_force(mechanism: Mechanism, postures: np.ndarray) -> np.ndarray:
-    """Largest input effort for unit force at the tip, any direction."""
-    return np.asarray(np.linalg.norm(twist_maps(mechanism, postures)[:, :3], axis=1).max(axis=1))
-
-
-def effort_per_moment(mechanism: Mechanism, postures: np.ndarray) -> np.ndarray:
-    """Largest input effort for unit moment at the tip, any direction."""
-    return np.asarray(np.linalg.norm(twist_maps(mechanism, postures)[:, 3:], axis=1).max(axis=1))
-
-
-@dataclass(frozen=True)
-class TipCompliance:
-    """Largest displacement of the tip's origin for unit force, any direction."""
-
-    drives: tuple[float, ...]
-    __name__ = "largest_compliance"
-
-    def __call__(self, mechanism: Mechanism, postures: np.ndarray) -> np.ndarray:
-        """Values (n,) [m/N], infinite at direct singularities."""
-        k = _stiffness(mechanism, self.drives)
-        t = twist_maps(mechanism, postures)[:, :3] / np.sqrt(k)
-        found = np.full(len(t), np.inf)
-        there = np.isfinite(t).all(axis=(1, 2))
-        found[there] = np.linalg.norm(t[there], 2, axis=(1, 2)) ** 2
-        return found
-
-
-def largest_compliance(drives: ArrayLike) -> TipCompliance:
-    """Measure for maps: how far the tip's origin gives way to unit force, in the worst direction.
-
-    Parameters
-    ----------
-    drives : (n_inputs,) array
-        Stiffness of each input [N/m or N m/rad].
-    """
-    return TipCompliance(tuple(np.array(drives, dtype=float).ravel().tolist()))
-
-
 def _twist_map(mechanism: Mechanism, q: ArrayLike) -> np.ndarray:
     found = velocity(mechanism, q, ALL).twist_map
     if found is None:
@@ -206,7 +168,8 @@ def _twist_map(mechanism: Mechanism, q: ArrayLike) -> np.ndarray:
     return found
 
 
-def _stiffness(mechanism: Mechanism, values: ArrayLike) -> np.ndarray:
+def drive_stiffness(mechanism: Mechanism, values: ArrayLike) -> np.ndarray:
+    """Check the stiffness of each input (n_inputs,). Raises ``ClosureError``."""
     k = np.array(values, dtype=float)
     names = " ".join(mechanism.inputs)
     if k.shape == (len(mechanism.inputs),) and (k > 0.0).all():
