@@ -9,7 +9,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
-from closedchain.analysis.figures.lines import draw_line
+from closedchain.analysis.figures.lines import by_unit, draw_line
 from closedchain.analysis.figures.palette import (
     BLANKS,
     COLOURS,
@@ -195,7 +195,7 @@ def _drawn(slices: Sequence[DrawnSlice], measures: Sequence[str], title: str) ->
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    heights = [_height(part, len(measures)) for part in slices]
+    heights = [_height(part, measures) for part in slices]
     figure = Figure(figsize=(_WIDTH, sum(heights) + 1.2), layout="constrained")
     FigureCanvasAgg(figure)
     # one more row, of text: the legend
@@ -208,18 +208,23 @@ def _drawn(slices: Sequence[DrawnSlice], measures: Sequence[str], title: str) ->
     return figure
 
 
-def _height(part: DrawnSlice, measures: int) -> float:
+def _height(part: DrawnSlice, measures: Sequence[str]) -> float:
     k = part.map["status"].ndim
+    if k == 1:
+        return _HEIGHTS[1] * len(by_unit(part.map, measures))
     if k == 3:
-        return _HEIGHTS[3] * measures / 2
-    return _HEIGHTS[k] * (1 if k == 1 else -(-measures // 2))
+        return _HEIGHTS[3] * len(measures) / 2
+    return _HEIGHTS[k] * -(-len(measures) // 2)
 
 
 def _draw_row(row: SubFigure, part: DrawnSlice, measures: Sequence[str]) -> None:
     data, sets = part.map, part.sets
     k = data["status"].ndim
     if k == 1:
-        draw_line(row.subplots(), data, sets, measures)
+        groups = by_unit(data, measures)
+        axes = row.subplots(len(groups), 1, squeeze=False)[:, 0]
+        for ax, names in zip(axes, groups, strict=True):
+            draw_line(ax, data, sets, names)
     elif k == 2:
         _draw_slice(row, data, sets, measures)
     else:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -11,7 +12,6 @@ from closedchain.analysis.figures.palette import (
     BLANKS,
     COLOURS,
     GREY,
-    MEASURES,
     axis_label,
     measure_of,
     start_of,
@@ -33,13 +33,15 @@ def draw_line(
     name = str(dim)
     x = data[name].to_numpy()
     _draw_blanks(ax, x, data)
+    others = iter([GREY, *(f"C{k}" for k in range(4, 4 + len(measures)))])
     for variable in measures:
         measure = measure_of(data, variable)
         values = data[variable].to_numpy()
-        colour = COLOURS[measure.kind] if measure.kind else GREY
+        colour = COLOURS[measure.kind] if measure.kind else next(others)
         shown = np.where(np.isfinite(values), values, np.nan)
-        ax.plot(x, shown, color=colour, lw=1.8, label=f"{variable}, {measure.label}")
-    scales = {MEASURES[variable].scale for variable in measures}
+        words = "\n".join(textwrap.wrap(f"{variable}, {measure.label}", 40))
+        ax.plot(x, shown, color=colour, lw=1.8, label=words)
+    scales = {measure_of(data, variable).scale for variable in measures}
     if scales == {"log"}:
         ax.set_yscale("log")
     elif scales == {"zero"}:
@@ -63,6 +65,15 @@ def draw_line(
     ax.set_ylabel("dimensionless" if unit == "1" else f"[{unit}]")
     ax.legend(fontsize=8, loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False)
     add_degrees(ax, x=data[name].attrs.get("units") == "rad", y=False)
+
+
+def by_unit(data: xr.Dataset, measures: Sequence[str]) -> list[list[str]]:
+    """Measures that share an axis: those of one unit, in the order of their first."""
+    found: dict[str, list[str]] = {}
+    for name in measures:
+        measure_of(data, name)
+        found.setdefault(str(data[name].attrs.get("units", "1")), []).append(name)
+    return list(found.values())
 
 
 def _draw_blanks(ax: Axes, x: np.ndarray, data: xr.Dataset) -> None:

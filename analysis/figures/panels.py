@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -59,7 +60,8 @@ def draw_panel(
         # an inset is as high as the panel, whatever its aspect
         beside = ax.inset_axes(_bar_place(ax, data, first, second))
         bar = ax.figure.colorbar(mesh, cax=beside, extend=open_end)
-        bar.set_label(f"{measure.label} ({unit})", fontsize=8)
+        about = f"{measure.label}" if unit in measure.label else f"{measure.label} ({unit})"
+        bar.set_label("\n".join(textwrap.wrap(about, 48)), fontsize=8)
         bar.ax.tick_params(labelsize=8)
         ax.set_title(name.replace("_", " "), fontsize=10)
     for found in sets:

@@ -119,7 +119,7 @@ def compliance(mechanism: Mechanism, q: ArrayLike, stiffness: ArrayLike) -> np.n
      [ 0.   35.    0.  ]
      [ 0.    0.    3.33]]
     """
-    k = _stiffness(mechanism, stiffness)
+    k = drive_stiffness(mechanism, stiffness)
     t = _twist_map(mechanism, q)
     return np.asarray((t / k) @ t.T)
 
@@ -153,7 +153,7 @@ def stiffness(mechanism: Mechanism, q: ArrayLike, drives: ArrayLike) -> np.ndarr
     >>> bool(np.allclose(K @ C[:3, :3], np.eye(3)))
     True
     """
-    k = _stiffness(mechanism, drives)
+    k = drive_stiffness(mechanism, drives)
     t = velocity(mechanism, q).twist_map
     if t is None:
         raise ClosureError("the inputs do not determine the tip there (a direct singularity)")
@@ -199,67 +199,6 @@ def twist_maps(mechanism: Mechanism, postures: ArrayLike) -> np.ndarray:
     return found
 
 
-def effort_per_force(mechanism: Mechanism, postures: np.ndarray) -> np.ndarray:
-    """Largest input effort for unit force at the tip, any direction.
-
-    Examples
-    --------
-    >>> m = cc.load("linear_delta")
-    >>> print(cc.effort_per_force(m, m.home[None]).round(4))  # [N/N]
-    [1.5635]
-    """
-    return np.asarray(np.linalg.norm(twist_maps(mechanism, postures)[:, :3], axis=1).max(axis=1))
-
-
-def effort_per_moment(mechanism: Mechanism, postures: np.ndarray) -> np.ndarray:
-    """Largest input effort for unit moment at the tip, any direction.
-
-    Examples
-    --------
-    >>> m = cc.load("d1")
-    >>> inputs = m.input_values(m.home) + [0.02, -0.01, 0, 0.02, 0.01, -0.02]
-    >>> q = cc.direct(m, inputs).raise_if_failed().q
-    >>> bool(cc.effort_per_moment(m, q[None])[0] > 0.0)  # [N/(N m)]
-    True
-    """
-    return np.asarray(np.linalg.norm(twist_maps(mechanism, postures)[:, 3:], axis=1).max(axis=1))
-
-
-@dataclass(frozen=True)
-class TipCompliance:
-    """Largest displacement of the tip's origin for unit force, any direction."""
-
-    drives: tuple[float, ...]
-    __name__ = "largest_compliance"
-
-    def __call__(self, mechanism: Mechanism, postures: np.ndarray) -> np.ndarray:
-        """Values (n,) [m/N], infinite at direct singularities."""
-        k = _stiffness(mechanism, self.drives)
-        t = twist_maps(mechanism, postures)[:, :3] / np.sqrt(k)
-        found = np.full(len(t), np.inf)
-        there = np.isfinite(t).all(axis=(1, 2))
-        found[there] = np.linalg.norm(t[there], 2, axis=(1, 2)) ** 2
-        return found
-
-
-def largest_compliance(drives: ArrayLike) -> TipCompliance:
-    """Measure for maps: how far the tip's origin gives way to unit force, in the worst direction.
-
-    Parameters
-    ----------
-    drives : (n_inputs,) array
-        Stiffness of each input [N/m or N m/rad].
-
-    Examples
-    --------
-    >>> m = cc.load("linear_delta")
-    >>> gives = cc.largest_compliance([1e5, 1e5, 1e5])  # a measure for cc.singularity_map
-    >>> print((gives(m, m.home[None]) * 1e6).round(2))  # [um/N]
-    [35.]
-    """
-    return TipCompliance(tuple(np.array(drives, dtype=float).ravel().tolist()))
-
-
 def _twist_map(mechanism: Mechanism, q: ArrayLike) -> np.ndarray:
     found = velocity(mechanism, q, ALL).twist_map
     if found is None:
@@ -267,7 +206,8 @@ def _twist_map(mechanism: Mechanism, q: ArrayLike) -> np.ndarray:
     return found
 
 
-def _stiffness(mechanism: Mechanism, values: ArrayLike) -> np.ndarray:
+def drive_stiffness(mechanism: Mechanism, values: ArrayLike) -> np.ndarray:
+    """Check the stiffness of each input (n_inputs,). Raises ``ClosureError``."""
     k = np.array(values, dtype=float)
     names = " ".join(mechanism.inputs)
     if k.shape == (len(mechanism.inputs),) and (k > 0.0).all():

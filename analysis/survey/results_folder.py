@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from closedchain.analysis.figures.drawing import draw_survey
+from closedchain.analysis.figures.drawing import MEASURES_DRAWN, draw_survey
 from closedchain.analysis.singularity.sets.singular_set import SingularitySet
 from closedchain.analysis.survey.set_tables import SavedSet, read_table, table
 from closedchain.analysis.survey.surveying import Survey
@@ -69,7 +69,7 @@ def write_survey(result: Survey, folder: Path) -> dict[str, Path]:
     sets = {f"{name}/{s.kind}": table(s) for name, part in groups.items() for s in part.sets}
     xr.DataTree.from_dict({"/": root, **sets}).to_netcdf(paths[SETS], engine="h5netcdf")
     _write_points(result, paths[POINTS])
-    draw_survey(result, paths[FIGURE])
+    draw_survey(result, paths[FIGURE], measures=(*MEASURES_DRAWN, *result.measures))
     return paths
 
 

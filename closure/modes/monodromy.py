@@ -161,7 +161,11 @@ def _struck(
     found = []
     hits = 0
     for _ in range(ROUNDS):
-        q = _met(block, place, newton(block, place, random_postures(block.equations.problem.mechanism, rng, STARTS)))
+        q = _met(
+            block,
+            place,
+            newton(block, place, random_postures(block.equations.problem.mechanism, rng, STARTS)),
+        )
         found.append(q)
         hits += len(q)
         if hits >= 3 * HITS * count:

@@ -82,9 +82,7 @@ def newton_steps(
     chosen = [problem.kept[r] for r in rows]
     unknown = [problem.free[c] for c in columns]
     values = [every.values[r] for r in chosen]
-    entries = [
-        {v: every.entries[r][v] for v in unknown if v in every.entries[r]} for r in chosen
-    ]
+    entries = [{v: every.entries[r][v] for v in unknown if v in every.entries[r]} for r in chosen]
     step = eliminate(g, entries, unknown, samples).solve([-value for value in values])
     moved = k.moved(k.q, step)
     own = [i for i in range(nq) if moved[i] != k.q[i]]

@@ -27,9 +27,6 @@ if TYPE_CHECKING:
         Capabilities,
         capabilities,
         compliance,
-        effort_per_force,
-        effort_per_moment,
-        largest_compliance,
         stiffness,
         twist_maps,
     )
@@ -46,6 +43,16 @@ if TYPE_CHECKING:
     from closedchain.analysis.forces.resets import Resets, resets
     from closedchain.analysis.forces.simulate import Simulation, simulate
     from closedchain.analysis.forces.statics import Statics, statics
+    from closedchain.analysis.forces.tip_measures import (
+        effort_per_force,
+        effort_per_moment,
+        isotropy,
+        largest_compliance,
+        least_force,
+        least_speed,
+        least_stiffness,
+        output_transmission,
+    )
     from closedchain.analysis.forces.transmission import transmission
     from closedchain.analysis.forces.transmission_table import transmission_table
     from closedchain.analysis.motion.follow import (
@@ -104,8 +111,9 @@ _LATER = {
     "analysis.forces.transmission": "transmission",
     "analysis.forces.transmission_table": "transmission_table",
     "analysis.forces.resets": "Resets resets",
-    "analysis.forces.capabilities": "Capabilities capabilities compliance effort_per_force "
-    "effort_per_moment largest_compliance stiffness twist_maps",
+    "analysis.forces.capabilities": "Capabilities capabilities compliance stiffness twist_maps",
+    "analysis.forces.tip_measures": "effort_per_force effort_per_moment isotropy "
+    "largest_compliance least_force least_speed least_stiffness output_transmission",
     "analysis.forces.effort_history": "EffortHistory efforts_along",
     "analysis.forces.forward_dynamics": "ForwardDynamics forward_dynamics",
     "analysis.forces.simulate": "Simulation simulate",
@@ -225,8 +233,12 @@ __all__ = [
     "input_efforts",
     "inverse",
     "inverse_dynamics",
+    "isotropy",
     "joint_positions",
     "largest_compliance",
+    "least_force",
+    "least_speed",
+    "least_stiffness",
     "leg_velocity",
     "load",
     "load_file",
@@ -235,6 +247,7 @@ __all__ = [
     "mass_matrix",
     "mobility",
     "network",
+    "output_transmission",
     "poc",
     "postures",
     "read_task_path",

@@ -86,6 +86,16 @@ Span = Annotated[
         "by default 1, or less where the branch takes up little of that."
     ),
 ]
+Measures = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--measure",
+        metavar="NAME[=NUMBER,...]",
+        help="Further variable of the maps: effort_per_force, effort_per_moment, least_speed, "
+        "least_force, isotropy, output_transmission; with the stiffness of the drives [N/m or "
+        "N m/rad] largest_compliance=1e6, least_stiffness=1e6 (several may be given).",
+    ),
+]
 Workers = Annotated[
     int | None, typer.Option(min=1, help="Threads that map; one for each core by default.")
 ]

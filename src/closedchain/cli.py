@@ -24,6 +24,7 @@ from closedchain._options import (
     At,
     Json,
     Kinds,
+    Measures,
     Mode,
     NoXacro,
     Outputs,
@@ -277,6 +278,7 @@ def singularities(
     resolution: Resolution = None,
     span: Span = None,
     outputs: Outputs = None,
+    measure: Measures = None,
     workers: Workers = None,
     settings: Settings = None,
     variant: Variant = None,
@@ -295,7 +297,7 @@ def singularities(
     from closedchain.analysis.survey.results_folder import write_survey
     from closedchain.analysis.survey.surveying import survey
 
-    kinds = arguments.kinds(kind or ())
+    kinds, more = arguments.kinds(kind or ()), arguments.measures(measure or ())
     mechanism = _load(robot, settings, variant, no_xacro)
     wanted = arguments.slices(mechanism, over or ())
     if span is not None:
@@ -320,6 +322,7 @@ def singularities(
             outputs=outputs,
             workers=workers,
             progress=progress,
+            measures=more,
         )
     written = write_survey(found, out)
     page = out / f"{re.sub(r'[^A-Za-z0-9._-]', '_', mechanism.name)}.html"

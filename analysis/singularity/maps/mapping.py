@@ -65,9 +65,10 @@ def singularity_map(
     chunk : int, or mapping of coordinate to int, optional
         Cells along each axis of the tiles into which the work is cut.
     measures : sequence of str, or mapping of name to function, optional
-        All measures by default. Names leave out the others. A mapping adds variables: functions of
-        the mechanism and postures (n, nq) that give a number for each, (n,). A sequence of names
-        and mappings gives these alone. Of a map that is saved, or made by Dask, functions must
+        All measures by default. Names leave out the others; efforts, speeds and the like of the
+        tip are asked for by name alone. A mapping adds variables: functions of the mechanism and
+        postures (n, nq) that give a number for each, (n,). A sequence of names and mappings gives
+        these alone. Of a map that is saved, or made by Dask, functions must
         pickle.
 
     Returns
