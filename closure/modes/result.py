@@ -160,9 +160,9 @@ class Postures:
         ----------
         over : mapping of coordinate to (lowest, highest) [m or rad], or names of coordinates
             One to three of those that are held: inputs, joints, or x y z rx ry rz tilt azimuth of
-            the tip. Without ranges (or where one is None) angles of joints vary by a whole turn,
-            other coordinates by a characteristic length or a radian both ways, or more until every
-            mode meets a singularity, within limits.
+            the tip. Without ranges (or where one is None) joints that turn without limits make a
+            whole turn; other coordinates vary as far as the modes reach on a coarse grid, within
+            limits, and at most eight characteristic lengths or half a turn both ways.
         resolution : int or mapping of coordinate to int, optional
             Cells along each coordinate; 400, 60 or 16 for one, two or three of them.
         limits : bool

@@ -31,10 +31,12 @@ WAYS = {1: 2, 2: 64, 3: 200}
 """Straight ways from the modes' coordinates, by the number of coordinates."""
 
 MOST_WAYS = 4000  # of all modes together
-ASIDE = 0.2  # dimensionless: how far beside a fold its two postures are looked at
+ASIDE = (0.2, 0.05, 0.0125)
+"""Dimensionless: how far beside a fold its two postures are looked at, one after the other."""
 SHORT = 0.9  # share of the way to a fold that is gone back at most
 LOOKS = 16  # on a way, whether joints are within limits
 NEARLY = 0.98  # share of the way to a fold up to which it is looked at
+AT_ONCE = 1e-4  # the same for what is no fold
 BESIDE = 0.05  # share of a way: from where a branch ended to its fold
 
 
@@ -159,34 +161,33 @@ class Meetings:
         end = self.window.targets(self.ways[number]) if n else begin
         folds = folds_near(problem, q, begin, end, reached)
         there = folds.found & (folds.share >= reached - 1e-9) & (folds.share <= reached + BESIDE)
-        own, other = self._beside(number, mode, folds)
-        there &= own | (folds.bend >= 0.0) | (folds.lost > 1)
+        sided, own, other = self._beside(number, mode, folds)
+        # without two sides branches cross there, or several folds coincide
+        there &= np.where(sided, own, folds.share <= reached + AT_ONCE)
         found = []
         for i in np.flatnonzero(there):
             modes = tuple(sorted({int(mode[i]), int(other[i])} - {-1}))
-            place = float(folds.share[i]), folds.q[i], bool(folds.bend[i] < 0.0)
+            place = float(folds.share[i]), folds.q[i], bool(sided[i])
             found.append(_End(int(number[i]), modes, *place))
         return found, np.flatnonzero(~there)
 
     def _beside(
         self, number: np.ndarray, mode: np.ndarray, folds: Folds
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Which folds on ways (n,) modes (n,) really meet, and the modes that meet them there.
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Which folds on ways (n,) have two sides, and which of these modes (n,) really meet.
+
+        Beside them the modes that meet them there, -1 where there is none.
 
         The two postures beside a fold are followed back: one must be the mode, the other one may
-        be one, or none (-1).
+        be one.
         """
-        share = np.maximum(folds.share + folds.bend * ASIDE**2, (1.0 - SHORT) * folds.share)
-        aside = folds.aside(share)
-        own, other = np.zeros(len(number), dtype=bool), np.full(len(number), -1)
-        i = np.flatnonzero(folds.found & (folds.bend < 0.0) & np.isfinite(aside))
+        sided, own = np.zeros((2, len(number)), dtype=bool)
+        other = np.full(len(number), -1)
+        i, q, there = self._two_sides(number, folds)
         if not i.size:
-            return own, other
-        step = (aside[:, None] * folds.along)[np.repeat(i, 2)]
-        step[1::2] *= -1.0
-        q = moved(self.window.chart.problem, folds.q[np.repeat(i, 2)], step)
-        there = self.window.at + share[i, None] * (self.ways[number[i]] - self.window.at)
-        reached, mark = self._back(q, np.repeat(there, 2, axis=0))
+            return sided, own, other
+        sided[i] = True
+        reached, mark = self._back(q.reshape(2 * len(i), -1), np.repeat(there, 2, axis=0))
         mine = reached & same(mark, self._mode_marks[np.repeat(mode[i], 2)]).reshape(-1, 2)
         own[i] = mine.sum(axis=1) == 1
         second = np.argmin(mine, axis=1)
@@ -195,7 +196,38 @@ class Meetings:
         equal = np.abs(theirs[:, None] - self._mode_marks[None]).max(axis=2) < SAME
         known = own[i] & reached[rows, second] & equal.any(axis=1)
         other[i[known]] = equal[known].argmax(axis=1)
-        return own, other
+        return sided, own, other
+
+    def _two_sides(
+        self, number: np.ndarray, folds: Folds
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Folds (k,) of ways (n,), the postures (k, 2, nq) on both sides, and coordinates there.
+
+        On one side the determinant has the other sign. Near a cusp a third posture may be taken
+        for one of the two, so that it has not; then nearer to the fold.
+        """
+        problem, nq = self.window.chart.problem, self.q.shape[1]
+        left = np.flatnonzero(folds.found & (folds.bend < 0.0))
+        chosen, postures, places = [left[:0]], [np.zeros((0, 2, nq))], [self.window.at[None][:0]]
+        for aside in ASIDE:
+            share = np.maximum(folds.share + folds.bend * aside**2, (1.0 - SHORT) * folds.share)
+            aside_here = folds.aside(share)
+            left = left[np.isfinite(aside_here[left])]
+            if not left.size:
+                break
+            step = np.repeat(aside_here[left, None] * folds.along[left], 2, axis=0)
+            step[1::2] *= -1.0
+            start = moved(problem, np.repeat(folds.q[left], 2, axis=0), step)
+            there = self.window.at + share[left, None] * (self.ways[number[left]] - self.window.at)
+            both = np.repeat(there, 2, axis=0)
+            way, codes = self.branches.hasty(start, both, both)
+            closed = np.isin(codes, (ARRIVED, LIMIT)).reshape(-1, 2).all(axis=1)
+            good = closed & (np.sign(way.det).reshape(-1, 2).prod(axis=1) < 0.0)
+            chosen.append(left[good])
+            postures.append(way.q.reshape(-1, 2, nq)[good])
+            places.append(there[good])
+            left = left[~good]
+        return np.concatenate(chosen), np.concatenate(postures), np.concatenate(places)
 
     def _back(self, q: np.ndarray, there: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Follow pairs of postures (2 n, nq) back: which arrive (n, 2), and their marks (2 n, ..).

@@ -20,8 +20,8 @@ from closedchain.closure.solve.control import SMALLEST
 
 WARY = 0.2  # share of the usual determinant below which a way is as long again
 NARROWER = 0.5  # share of a way's least determinant that straight pieces keep
-SAMPLES = 12  # of a straight piece that is tried
-SEEN = 40  # later posts that a straight piece is tried to
+SAMPLES = 8  # of a straight piece that is tried
+SEEN = 20  # later posts that a straight piece is tried to
 FINE = 1.0  # samples of a passage for each cell that it crosses
 
 
