@@ -206,9 +206,8 @@ def test_planar_legs_are_as_long_as_they_are() -> None:
     feet = np.array([(0.0, 0.0), (0.6, 0.0), (0.3, 0.3 * 3**0.5)])
     m = cc.load("three_rrr")
     for mode in m.postures:
-        s = cc.direct(
-            m, m.input_values(m.posture(mode)) + [0.05, -0.04, 0.06], guess=m.posture(mode)
-        )
+        near = m.posture(mode)
+        s = cc.direct(m, m.input_values(near) + np.array([0.05, -0.04, 0.06]), guess=near)
         pose = m.pose(s.q)
         ends = pose.translation[:2] + corners @ pose.rotation[:2, :2].T
         angles = m.input_values(s.q)
@@ -230,13 +229,13 @@ def pairs(half: float) -> list[float]:
 
 
 def test_platforms_on_legs(tol: Tolerances) -> None:
-    """6-UPS and 3-RPS: each leg as long as its input; no ball of the 3-RPS leaves its leg's plane."""
+    """6-UPS and 3-RPS: legs as long as the inputs; the 3-RPS keeps its legs in their planes."""
     m = cc.load("gough_stewart")
     feet, tops = (
         np.array([[r * math.cos(t), r * math.sin(t), 0.0] for t in pairs(half)])
         for r, half in ((0.3, 0.2), (0.2, 0.9))
     )
-    inputs = m.input_values(m.home) + [0.02, -0.03, 0.01, 0.03, -0.01, 0.02]
+    inputs = m.input_values(m.home) + np.array([0.02, -0.03, 0.01, 0.03, -0.01, 0.02])
     pose = m.pose(cc.direct(m, inputs).q)
     assert_close(
         np.linalg.norm(pose.translation + tops @ pose.rotation.T - feet, axis=1), inputs, 1e-12
@@ -252,7 +251,7 @@ def test_platforms_on_legs(tol: Tolerances) -> None:
 
 
 def test_delta_is_three_spheres(tol: Tolerances) -> None:
-    """With the platform level its middle is 0.6 from the elbows, each moved inwards by its radius."""
+    """The level platform's middle is a rod from the elbows, moved inwards by its radius."""
     m = cc.load("delta")
     azimuths = 2.0 * np.pi * np.arange(3) / 3.0
     for inputs in ([0.5, 0.5, 0.5], [0.2, 0.9, 0.6], [-0.4, 0.3, 0.1]):
@@ -270,7 +269,7 @@ def test_delta_is_three_spheres(tol: Tolerances) -> None:
 
 
 def test_agile_eye_keeps_its_axes_at_right_angles(tol: Tolerances) -> None:
-    """The middle axis of leg i is in the plane of its input; it is square to the platform's axis."""
+    """The middle axis of each leg, which its input turns, is square to the platform's."""
     m, e = cc.load("agile_eye"), np.eye(3)
     for inputs in ([0.3, -0.4, 0.5], [-0.2, 0.1, 0.6]):
         s = cc.direct(m, inputs)

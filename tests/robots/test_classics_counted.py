@@ -1,4 +1,8 @@
-"""What the literature says of how many postures the classics have, counted from their files."""
+"""What the literature says of how many postures the classics have, counted from their files.
+
+Dietmaier's forty are in test_postures_of_platforms, the six of Innocenti and Parenti-Castelli in
+test_cusps.
+"""
 
 from __future__ import annotations
 
@@ -16,15 +20,6 @@ def counted(m: cc.Mechanism, real: int, of: int, **held: object) -> cc.Postures:
     assert (found.complete, found.complex_count, len(found)) == ("counted", of, real)
     assert found.certified.all()
     return found
-
-
-@pytest.mark.slow
-def test_innocenti_and_parenti_castelli() -> None:
-    """Six modes, three of each sign of the determinant."""
-    m = cc.load("three_rpr")
-    found = counted(m, 6, 6, inputs=[14.98, 15.38, 12.0])
-    assert sorted(found.branch.tolist()) == [-1, -1, -1, 1, 1, 1]
-    assert found.names[0] == "home"
 
 
 @pytest.mark.slow
