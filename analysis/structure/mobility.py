@@ -13,7 +13,12 @@ from numpy.typing import ArrayLike
 from closedchain.analysis.structure.driving import driving
 from closedchain.analysis.structure.hinges import pairs_of_tree, symbol_of
 from closedchain.closure.closures import Coupling
-from closedchain.closure.generic import GenericRank, generic_ranks, sampled_rank
+from closedchain.closure.generic import (
+    GenericRank,
+    generic_ranks,
+    sampled_rank,
+    still_joints,
+)
 from closedchain.closure.joint_kinds import BY_SYMBOL, JOINT_KINDS
 from closedchain.closure.mechanism import Mechanism
 from closedchain.closure.modes.dimension import finite_dimensions
@@ -184,6 +189,10 @@ def _text(
         lines.append("The count differs from the mobility: it knows no special geometry.")
     if generic.at_home < rank.value:
         lines.append(f"At home the rank drops to {generic.at_home}: a constraint singularity.")
+    still = still_joints(mechanism) if degrees else ()
+    if still:
+        listed = ", ".join(still[:6]) + (f" and {len(still) - 6} more" if len(still) > 6 else "")
+        lines.append(f"The loops hold still, in every posture looked at: {listed}.")
     lines.extend(driving(mechanism))
     for remark in mechanism.description.remarks:
         if remark.about == "mobility":
