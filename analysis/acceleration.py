@@ -38,6 +38,15 @@ class Acceleration:
         the spin of a rod between two spherical joints, get the smallest rates that fit.
     rank : Rank
         Of the dimensionless K_p, with its gap.
+
+    Examples
+    --------
+    >>> m = cc.load("linear_delta")
+    >>> a = cc.acceleration(m, m.home, v_inputs=[0.1, 0.1, 0.1], a_inputs=[0.0, 0.0, 2.0])
+    >>> print(a.tip_twist.round(3) + 0.0)  # all sliders rise at 0.1 m/s, and so does the platform
+    [0.  0.  0.1 0.  0.  0. ]
+    >>> a.qddot.shape == (m.model.nv,)
+    True
     """
 
     tip_twist: np.ndarray
@@ -67,6 +76,13 @@ def acceleration(
     ClosureError
         Malformed or open posture, no task, a direct singularity (the inputs do not determine the
         motion), or, with more inputs than freedoms, rates that the loops contradict.
+
+    Examples
+    --------
+    >>> m = cc.load("linear_delta")
+    >>> a = cc.acceleration(m, m.home, {"q1": 0.1, "q2": 0.0, "q3": 0.0}, [0.0, 0.0, 0.0])
+    >>> print(a.tip_acceleration.round(4) + 0.0)  # [m/s^2, rad/s^2], though no slider accelerates
+    [0.0111 0.     0.0558 0.     0.     0.    ]
     """
     at = first_order(mechanism, q, "x y z rx ry rz")  # the whole tip must be determined
     va = mechanism.input_vector(v_inputs, "input velocities")

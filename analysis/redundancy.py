@@ -41,6 +41,15 @@ class Split:
         Output rates per unit rate of the free inputs.
     sigma : float
         Smallest singular value of the dimensionless G; 0 where the free inputs cannot be locked.
+
+    Examples
+    --------
+    >>> m = cc.load("d1")
+    >>> split = cc.redundancy(m, m.home, "x y z rx rz").split("q3")
+    >>> v = [0.01, 0.0, 0.0, 0.0, 0.0]  # wanted output rates
+    >>> rates = split.rates(v, free=0.02)  # of the other inputs, while q3 moves at 0.02 m/s
+    >>> bool(np.allclose(split.G @ rates + split.q_star([0.02]), v))
+    True
     """
 
     free: tuple[str, ...]
@@ -99,6 +108,16 @@ class Redundancy:
         For each choice of ``generic`` inputs: the smallest singular value of the dimensionless
         map (d, d) from the other inputs to the outputs. 0 where these inputs cannot be locked.
         Empty without such choices or without a twist map.
+
+    Examples
+    --------
+    >>> m = cc.load("d1")
+    >>> r = cc.redundancy(m, m.home, "x y z rx rz")
+    >>> r.dimension, r.lockable
+    (1, (('q1',), ('q2',), ('q3',)))
+    >>> split = r.split("q3")
+    >>> split.G.shape
+    (5, 5)
     """
 
     dimension: int
@@ -181,6 +200,13 @@ def redundancy(
     ------
     ClosureError
         Malformed or open posture, unknown outputs, no task, no inputs.
+
+    Examples
+    --------
+    >>> m = cc.load("d1")
+    >>> r = cc.redundancy(m, m.home, "x y z rx rz")
+    >>> print(r.inputs[:, 0].round(3) + 0.0)  # the coupler slides while the tool rests
+    [0.577 0.577 0.577 0.    0.    0.   ]
     """
     mechanism.required_inputs()
     at = first_order(mechanism, q, outputs)

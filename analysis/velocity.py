@@ -32,6 +32,13 @@ class Velocity:
     outputs : tuple of str
     rank : Rank
         Of the dimensionless passive columns K_p: why there is a twist map, or none.
+
+    Examples
+    --------
+    >>> m = cc.load("linear_delta")
+    >>> found = cc.velocity(m, m.home)
+    >>> found.outputs, found.Jx.shape, found.Jq.shape
+    (('x', 'y', 'z'), (3, 3), (3, 3))
     """
 
     Jx: np.ndarray
@@ -64,6 +71,13 @@ def velocity(
     ------
     ClosureError
         Malformed or open posture, unknown outputs, no task.
+
+    Examples
+    --------
+    >>> m = cc.load("linear_delta")
+    >>> T = cc.velocity(m, m.home).twist_map
+    >>> print((T @ [0.1, 0.1, 0.1]).round(6) + 0.0)  # all sliders up at 0.1 m/s: so is the tip
+    [0.  0.  0.1]
     """
     return velocity_at(Deciding(first_order(mechanism, q, outputs)))
 

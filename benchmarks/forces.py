@@ -1,4 +1,4 @@
-"""Forces: input efforts at one posture and in bulk, and accelerations, beside Pinocchio.
+"""Forces: efforts, accelerations and steps of a simulation, beside Pinocchio and MuJoCo.
 
 Pinocchio's loop is its gravity torques for the tree and LAPACK for the closures; its constrained
 dynamics take mechanisms that were cut at balls alone.
@@ -6,7 +6,8 @@ dynamics take mechanisms that were cut at balls alone.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from importlib.util import find_spec
 
 import numpy as np
 import pinocchio as pin
@@ -14,10 +15,11 @@ import pinocchio as pin
 import closedchain as cc
 from benchmarks.cases import Case
 from benchmarks.timing import OURS, Row, a_call, least
-from closedchain.analysis.forces.forward_dynamics import Plant
-from closedchain.analysis.forces.loads import loads
+from closedchain.analysis.forces.integrating import State, Stepper
+from closedchain.analysis.forces.plant import plant_under
 
-ONE, BULK, FORWARD = "input efforts", "input efforts, in bulk", "forward dynamics"
+ONE, BULK = "input efforts", "input efforts, in bulk"
+FORWARD, STEP = "forward dynamics", "a step of a simulation"
 LOOP = "Pinocchio + LAPACK"
 PUSH = np.array([10.0, -5.0, 20.0, 1.0, 0.5, -0.3])
 MANY = 20_000
@@ -26,16 +28,32 @@ MANY = 20_000
 def rows(case: Case, repeats: int) -> Iterator[Row]:
     """Efforts that hold a wrench and the weights, and accelerations under none."""
     m, q = case.start()
-    m = cc.with_inertias(m)
+    heavy = any(inertia.mass for inertia in m.model.inertias)
+    peers = mujoco_calls(m, q) if heavy else {}
     yield Row(
         case.robot, ONE, OURS, a_call(lambda: cc.input_efforts(m, q, PUSH), repeats),
         note="checked, from Python",
     )  # fmt: skip
     yield Row(case.robot, ONE, LOOP, a_call(lambda: by_lapack(m, q), repeats))
+    for tool in peers.keys() & {"MuJoCo mj_inverse"}:
+        yield Row(case.robot, ONE, tool, a_call(peers[tool], repeats))
     many = np.tile(q, (MANY, 1))
     seconds = least(lambda: cc.input_efforts(m, many, PUSH), max(3, repeats // 200)) / MANY
     yield Row(case.robot, BULK, OURS, seconds)
-    yield from forward(case.robot, m, q, repeats)
+    if heavy:
+        yield from forward(case.robot, m, q, repeats)
+        for work, tool in ((FORWARD, "MuJoCo mj_forward"), (STEP, "MuJoCo mj_step")):
+            if tool in peers:
+                yield Row(case.robot, work, tool, a_call(peers[tool], repeats))
+
+
+def mujoco_calls(m: cc.Mechanism, q: np.ndarray) -> dict[str, Callable[[], None]]:
+    """MuJoCo's dynamics, where it is installed."""
+    if find_spec("mujoco") is None:
+        return {}
+    from benchmarks.mujoco_forces import calls
+
+    return calls(m, q, np.ones(len(m.inputs)))
 
 
 def by_lapack(m: cc.Mechanism, q: np.ndarray) -> np.ndarray:
@@ -53,13 +71,16 @@ def by_lapack(m: cc.Mechanism, q: np.ndarray) -> np.ndarray:
 
 
 def forward(robot: str, m: cc.Mechanism, q: np.ndarray, repeats: int) -> Iterator[Row]:
-    """Accelerations from rest, of mechanisms with masses."""
-    if not any(inertia.mass for inertia in m.model.inertias):
-        return
-    plant, v, tau = Plant(m, loads(m)), np.zeros(m.model.nv), np.ones(len(m.inputs))
+    """Accelerations from rest, and a step from there."""
+    plant, v, tau = plant_under(m), np.zeros(m.model.nv), np.ones(len(m.inputs))
     yield Row(
         robot, FORWARD, OURS, a_call(lambda: plant.acceleration(q, v, tau), repeats),
-        note="as a step of cc.simulate",
+        note="as a step of cc.simulate asks for it",
+    )  # fmt: skip
+    stepper, start = Stepper(plant, lambda t, q, v: tau), State(0.0, q, v, 0.0)
+    yield Row(
+        robot, STEP, OURS, a_call(lambda: stepper.step(start, 1e-3), repeats),
+        note="seven stages, loops closed to 1e-12",
     )  # fmt: skip
     if {c.kind for c in m.closures} != {"spherical"}:
         return

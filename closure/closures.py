@@ -33,6 +33,12 @@ class Closure:
         Names of the two links, for messages.
     sizes : mapping of str to float
         Sizes [m] that a joint of this kind has, such as the length of a rod.
+
+    Examples
+    --------
+    >>> ball = cc.load("d1").closures[0]
+    >>> ball.kind, ball.rows, ball.parent, ball.child
+    ('spherical', 3, 'leg1_rod', 'S1')
     """
 
     name: str

@@ -26,6 +26,15 @@ def residual(mechanism: Mechanism, q: ArrayLike) -> np.ndarray:
     ------
     ClosureError
         Malformed ``q``.
+
+    Examples
+    --------
+    >>> m = cc.load("linear_delta")
+    >>> bool(np.abs(cc.residual(m, m.home)).max() < 1e-12)
+    True
+    >>> open_by = cc.residual(m, cc.direct(m, [-0.1, -0.1, -0.1]).q + 0.01)
+    >>> bool(np.abs(open_by).max() > 1e-3)
+    True
     """
     return mechanism.workspace.residual(mechanism.configuration(q))
 
@@ -46,6 +55,13 @@ def constraint_jacobian(mechanism: Mechanism, q: ArrayLike) -> np.ndarray:
     ------
     ClosureError
         Malformed ``q``.
+
+    Examples
+    --------
+    >>> m = cc.load("linear_delta")
+    >>> K = cc.constraint_jacobian(m, m.home)
+    >>> K.shape, int(np.linalg.matrix_rank(K))  # rows that repeat others: parallelograms
+    ((25, 16), 13)
     """
     return mechanism.workspace.evaluate(mechanism.configuration(q))[1]
 
@@ -68,6 +84,14 @@ def constraint_drift(mechanism: Mechanism, q: ArrayLike, v: ArrayLike) -> np.nda
     ------
     ClosureError
         Malformed ``q`` or ``v``.
+
+    Examples
+    --------
+    >>> m = cc.load("linear_delta")
+    >>> v = cc.acceleration(m, m.home, [0.1, 0.0, 0.0], [0.0, 0.0, 0.0])
+    >>> K = cc.constraint_jacobian(m, m.home)
+    >>> bool(np.abs(K @ v.qddot + cc.constraint_drift(m, m.home, v.qdot)).max() < 1e-12)
+    True
     """
     return mechanism.workspace.drift(mechanism.configuration(q), mechanism.tangent(v))
 

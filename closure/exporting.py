@@ -40,6 +40,13 @@ def export(
         already where one is to be written beside.
     ClosureError
         Home is open.
+
+    Examples
+    --------
+    >>> m = cc.load("linear_delta")
+    >>> text, losses = cc.export(m, "urdf+")
+    >>> text.startswith("<"), "<loop" in text
+    (True, True)
     """
     if form not in WRITERS:
         raise DescriptionError(known_names(str(form), "format", WRITERS))

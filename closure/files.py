@@ -37,6 +37,13 @@ def load_file(
     ------
     DescriptionError
         Another content than those known, or anything wrong with the file or the parameters.
+
+    Examples
+    --------
+    >>> text, losses = cc.export(cc.load("linear_delta"), "sdf")
+    >>> m = cc.load_file(text)  # told by its content
+    >>> m.inputs
+    ('q1', 'q2', 'q3')
     """
     if home is not None and not isinstance(home, Mapping):
         parameters, home = {**parameters, "home": home}, None

@@ -13,7 +13,14 @@ import numpy as np
 
 from closedchain.closure.joint_rates import orthonormal_motions, physical_rates
 from closedchain.closure.mechanism import Mechanism
-from closedchain.closure.ranks import RANK_TOLERANCE, Rank, null_space, numerical_rank, rank_above
+from closedchain.closure.ranks import (
+    RANK_TOLERANCE,
+    Rank,
+    doubtful,
+    null_space,
+    numerical_rank,
+    rank_above,
+)
 from closedchain.closure.solve.samples import closed_samples
 from closedchain.closure.task import task_jacobian
 
@@ -25,7 +32,8 @@ class GenericRank:
     Attributes
     ----------
     rank : Rank
-        The largest, at the posture where its gap was smallest.
+        The largest, at the posture where its gap was smallest. Postures at which a singular value
+        may be the posture's own error count only where there are no others.
     at_home : int
     samples : int
         Postures looked at, home included.
@@ -95,7 +103,9 @@ def sampled_rank(mechanism: Mechanism) -> GenericRank:
     if mechanism not in _FOUND:
         jacobians = [dimensionless_jacobian(mechanism, q) for q in closed_samples(mechanism)]
         ranks = [numerical_rank(jacobian) for jacobian in jacobians]
-        _FOUND[mechanism] = GenericRank(_largest(ranks), ranks[0].value, len(ranks))
+        clear = [r for r, k in zip(ranks, jacobians, strict=True) if not doubtful(k)]
+        rank = _largest(clear or ranks)
+        _FOUND[mechanism] = GenericRank(rank, min(ranks[0].value, rank.value), len(ranks))
     return _FOUND[mechanism]
 
 

@@ -60,6 +60,31 @@ def load_urdf(
     ------
     DescriptionError
         Anything wrong with the file or the parameters, with line, element and name.
+
+    Examples
+    --------
+    >>> text = '''
+    ... <robot name="press">
+    ...   <link name="base"/> <link name="crank"/> <link name="rod"/> <link name="ram"/>
+    ...   <joint name="A" type="continuous">
+    ...     <parent link="base"/> <child link="crank"/> <axis xyz="0 0 1"/> </joint>
+    ...   <joint name="B" type="continuous">
+    ...     <parent link="crank"/> <child link="rod"/> <origin xyz="0.1 0 0"/> <axis xyz="0 0 1"/>
+    ...   </joint>
+    ...   <joint name="S" type="prismatic">
+    ...     <parent link="base"/> <child link="ram"/> <axis xyz="1 0 0"/>
+    ...     <limit lower="0" upper="1" effort="1" velocity="1"/> </joint>
+    ...   <constraint name="C" type="revolute">
+    ...     <parent link="rod"/> <parent_origin xyz="0.3 0 0"/> <parent_axis xyz="0 0 1"/>
+    ...     <child link="ram"/> </constraint>
+    ...   <transmission name="motor"> <joint name="A"/> </transmission>
+    ...   <group_state name="home"> <joint name="A" value="1.0"/> <joint name="B" value="-1.3"/>
+    ...     <joint name="S" value="0.34"/> </group_state>
+    ... </robot>'''
+    >>> m = cc.load_urdf(text)
+    >>> ram = 0.1 * np.cos(0.5) + np.sqrt(0.3**2 - (0.1 * np.sin(0.5)) ** 2)  # by trigonometry
+    >>> bool(abs(cc.direct(m, {"motor": 0.5}).q[2] - ram) < 1e-12)
+    True
     """
     from closedchain.urdf import load_description
 

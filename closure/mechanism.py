@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 from closedchain.closure.closures import Closure, Coupling
 from closedchain.closure.joint_kinds import FLOATING, TREE_KINDS
 from closedchain.closure.rigid_constraints import rigid_constraints
+from closedchain.closure.showing import registered
 from closedchain.closure.solve.control import CLOSED
 from closedchain.closure.workspace import Workspace
 from closedchain.urdf.description import OUTPUTS, Description, ParameterValue
@@ -75,6 +76,16 @@ class Mechanism:
         What the numbers of the description miss, if they are rounded.
     open_by : float
         Largest closure row at home [m, rad] where no closed home was found; else 0.
+
+    Examples
+    --------
+    >>> m = cc.load("linear_delta")
+    >>> m.inputs, m.task.outputs
+    (('q1', 'q2', 'q3'), ('x', 'y', 'z'))
+    >>> print(m.point(m.home, "P"))  # where the tip is at home [m]
+    [ 0.   0.  -0.6]
+    >>> "+--" in m.postures  # postures of the description by name
+    True
     """
 
     name: str
@@ -121,6 +132,29 @@ class Mechanism:
         )
 
     # -- sizes, columns and scales ---------------------------------------------------------------
+
+    def show(self, q: ArrayLike | None = None, **options: Any) -> Any:
+        """Page of the mechanism for a notebook: sliders move it, its loops stay closed.
+
+        Parameters
+        ----------
+        q : (nq,) array, optional
+            Posture to begin with; home by default.
+        **options
+            ``height`` [pixels], ``up``, ``overlays``, ``controls``, ``title``, ``animation``, as
+            ``closedchain.robots.embedding.show``.
+
+        Returns
+        -------
+        Embedded
+            A notebook shows it where it is the last value of a cell; it needs no network.
+
+        Raises
+        ------
+        ClosureError
+            Malformed posture or options.
+        """
+        return registered()(self, q, **options)
 
     @cached_property
     def rows(self) -> int:

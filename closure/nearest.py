@@ -66,6 +66,14 @@ def close(
     ------
     ClosureError
         Unknown names, malformed numbers.
+
+    Examples
+    --------
+    >>> m = cc.load("linear_delta")
+    >>> guess = m.home + 0.1  # no posture: the loops are open
+    >>> s = cc.close(m, guess, fixed={"q1": -0.1})
+    >>> s.converged, float(s.q[m.input_q[0]])
+    (True, -0.1)
     """
     q = mechanism.configuration(mechanism.home if guess is None else guess)
     goals = (

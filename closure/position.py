@@ -58,6 +58,15 @@ def direct(
     ------
     ClosureError
         Malformed numbers, unknown or missing inputs, or a mechanism without inputs.
+
+    Examples
+    --------
+    >>> m = cc.load("linear_delta")
+    >>> s = cc.direct(m, {"q1": -0.1, "q2": -0.15, "q3": -0.2}).raise_if_failed()
+    >>> print(m.point(s.q, "P").round(4))  # where the tip is [m]
+    [ 0.1117  0.0597 -0.5885]
+    >>> cc.direct(m, np.tile([-0.1, -0.15, -0.2], (1000, 1))).q.shape  # a thousand at once
+    (1000, 16)
     """
     if not mechanism.inputs:
         raise ClosureError(f"mechanism {mechanism.name!r} has no inputs (<transmission> elements)")
@@ -122,6 +131,15 @@ def inverse(
     ------
     ClosureError
         No task, malformed pose, outputs or guess.
+
+    Examples
+    --------
+    >>> m = cc.load("linear_delta")
+    >>> goal = m.pose(m.home)
+    >>> goal.translation = np.array([0.05, 0.0, -0.55])
+    >>> s = cc.inverse(m, goal).raise_if_failed()
+    >>> print(m.input_values(s.q).round(4))  # sliders [m]
+    [-0.073  -0.1056 -0.1056]
     """
     problem = posed(mechanism, outputs)
     if not isinstance(pose, pin.SE3):

@@ -12,6 +12,10 @@ RANK_TOLERANCE = 1e-9
 NOISE = 1e-14
 """Singular values below it are rounding in any matrix that is scaled, however small it is."""
 
+DOUBT = 1e-5
+"""Share of the largest singular value below which one that counts may be zero at the closed posture
+that is meant: where closures hold to the second order, no row shows a posture's error before."""
+
 
 @dataclass(frozen=True)
 class Rank:
@@ -57,6 +61,14 @@ def numerical_rank(matrix: np.ndarray, tolerance: float = RANK_TOLERANCE) -> Ran
     if 0 in matrix.shape:
         return Rank(0, 0.0, 0.0)
     return rank_of_singular_values(np.linalg.svd(matrix, compute_uv=False), tolerance)
+
+
+def doubtful(matrix: np.ndarray) -> bool:
+    """Whether a singular value of a dimensionless matrix may stem from the posture's error."""
+    if 0 in matrix.shape:
+        return False
+    s = np.linalg.svd(matrix, compute_uv=False)
+    return bool(((s > RANK_TOLERANCE * s[0]) & (s < DOUBT * s[0])).any())
 
 
 def null_space(matrix: np.ndarray, tolerance: float = RANK_TOLERANCE) -> tuple[np.ndarray, Rank]:

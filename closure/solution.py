@@ -41,6 +41,16 @@ class Solution:
         Why the solver ended.
     jacobian : callable or None
         Of what was solved, for the rank.
+
+    Examples
+    --------
+    >>> m = cc.load("linear_delta")
+    >>> s = cc.direct(m, [-0.1, -0.15, -0.2])
+    >>> s.converged, s.residual < 1e-12, s.beyond_limits
+    (True, True, ())
+    >>> far = cc.direct(m, [-0.1, -0.15, 0.9])
+    >>> far.converged, "direct singularity" in far.message
+    (False, True)
     """
 
     q: np.ndarray
@@ -117,6 +127,15 @@ class Solutions(Outcome):
         How far all joints are within their limits [m or rad]; negative beyond one.
     iterations : (n,) array of int
         Evaluations of residual and Jacobian for each.
+
+    Examples
+    --------
+    >>> m = cc.load("linear_delta")
+    >>> s = cc.direct(m, np.linspace([-0.2, -0.2, -0.2], [-0.1, -0.1, 0.9], 5))
+    >>> s.converged.tolist()
+    [True, True, True, True, False]
+    >>> s[0].raise_if_failed().q.shape
+    (16,)
     """
 
     within: np.ndarray = field(default_factory=lambda: np.zeros(0))

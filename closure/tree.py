@@ -102,6 +102,20 @@ def _add_joint(model: pin.Model, joint: Joint, parent: int, placement: pin.SE3) 
     )
 
 
+def weighed_anew(model: pin.Model, description: Description) -> pin.Model:
+    """Copy of a model of ``build_tree`` with the inertias of a description of the same links."""
+    found = model.copy()
+    for i in range(1, found.njoints):
+        found.inertias[i] = pin.Inertia.Zero()
+    frames = {f.name: f for f in found.frames if f.type == pin.FrameType.BODY}
+    for link in description.links:
+        frame = frames[link.name]
+        if link.inertial is not None and frame.parentJoint:
+            inertia = inertia_of(link, link.inertial)
+            found.appendBodyToJoint(frame.parentJoint, inertia, frame.placement)
+    return found
+
+
 def inertia_of(link: Link, inertial: Inertial) -> pin.Inertia:
     """Inertia of a link in its frame. Raises ``DescriptionError`` where it is none of a body."""
     about_centre = np.array(

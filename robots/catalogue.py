@@ -3,49 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from importlib.resources import files
-from itertools import product
 from math import radians
 from pathlib import Path
 from types import MappingProxyType
-from typing import Literal
 
 from closedchain.closure import Mechanism, mechanism_from_description
 from closedchain.closure.files import load_file
 from closedchain.closure.loading import refuse_open
+from closedchain.robots.classics import CLASSICS
 from closedchain.robots.delia import CHOICES as DELIA_LEGS
+from closedchain.robots.entry import Overrides, Robot
 from closedchain.robots.examples import PREFIX, example_file
-from closedchain.robots.family import Choice
 from closedchain.urdf import load_description
 from closedchain.urdf.description import ParameterValue
 from closedchain.urdf.errors import DescriptionError, known_names
-
-Overrides = Mapping[str, ParameterValue]
-
-
-@dataclass(frozen=True)
-class Robot:
-    """An entry of the catalogue.
-
-    ``variants`` maps a name to the parameters it changes; ``up`` is the world axis that a viewer
-    should draw upwards. An entry with ``choices`` is a family: each combination of the words that
-    these parameters may take is a robot of its own.
-    """
-
-    name: str
-    title: str
-    source: str
-    file: str
-    up: Literal["x", "y", "z"] = "z"
-    variants: Mapping[str, Overrides] = field(default_factory=dict)
-    choices: Mapping[str, Choice] = field(default_factory=dict)
-
-    def members(self) -> tuple[Mapping[str, str], ...]:
-        """Choices of every member of the family, the default member first."""
-        words = (choice.words for choice in self.choices.values())
-        return tuple(dict(zip(self.choices, combined, strict=True)) for combined in product(*words))
-
 
 _D1 = Robot(
     name="d1",
@@ -149,15 +121,40 @@ _DELIA = Robot(
     variants=_D1.variants,
     choices=DELIA_LEGS,
 )
+_GROUPS: Mapping[str, tuple[Robot, ...]] = MappingProxyType(
+    {
+        "papers": (_D1, _ECLIPSE, _ECLIPSE2, _RPA3T, _LINEAR_DELTA, _RUS6),
+        "classics": CLASSICS,
+    }
+)
 _CATALOGUE: Mapping[str, Robot] = MappingProxyType(
-    {r.name: r for r in (_D1, _ECLIPSE, _ECLIPSE2, _RPA3T, _LINEAR_DELTA, _RUS6)}
+    {r.name: r for group in _GROUPS.values() for r in group}
 )
 _FAMILIES: Mapping[str, Robot] = MappingProxyType({r.name: r for r in (_DELIA,)})
 
 
-def robots() -> tuple[str, ...]:
-    """Names of the robots in the catalogue; families are listed by ``families()``."""
-    return tuple(_CATALOGUE)
+def robots(group: str | None = None) -> tuple[str, ...]:
+    """Names of the robots in the catalogue; families are listed by ``families()``.
+
+    With a group, of that group alone: ``"papers"`` are the robots whose papers are worked through,
+    with closed forms of their own; ``"classics"`` are well-known mechanisms. Raises
+    ``DescriptionError`` for an unknown group.
+
+    Examples
+    --------
+    >>> "d1" in cc.robots()
+    True
+    """
+    if group is None:
+        return tuple(_CATALOGUE)
+    if group not in _GROUPS:
+        raise DescriptionError(known_names(group, "group of robots", _GROUPS))
+    return tuple(entry.name for entry in _GROUPS[group])
+
+
+def groups() -> tuple[str, ...]:
+    """Groups of robots, which ``robots`` takes."""
+    return tuple(_GROUPS)
 
 
 def families() -> tuple[str, ...]:
@@ -201,6 +198,13 @@ def load(name: str, *, variant: str | None = None, **parameters: ParameterValue)
     DescriptionError
         Unknown robot, variant, parameter or choice (lists the known ones), or sizes that do not
         close.
+
+    Examples
+    --------
+    >>> cc.load("linear_delta").name
+    'linear_delta'
+    >>> round(float(cc.load("linear_delta", b=0.6).parameters["b"]), 3)  # longer rods
+    0.6
     """
     if name.startswith(PREFIX):
         if variant is not None or parameters:

@@ -9,15 +9,18 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import ArrayLike
 
+from closedchain.closure.singularity_kinds import COMBINED, KINDS
 from closedchain.urdf.errors import ClosureError, known_names
 
 #: Colours of the kinds of singularity, told apart by colour-blind readers (Okabe and Ito).
-PALETTE = MappingProxyType(
+PALETTE = MappingProxyType({kind.name: kind.colour for kind in (*KINDS.values(), COMBINED)})
+#: Dashes and gaps of the kinds, in widths of a line: kinds differ without their colours too.
+DASHES = MappingProxyType(
     {
-        "direct": "#D55E00",
-        "inverse": "#0072B2",
-        "combined": "#000000",
-        "constraint": "#009E73",
+        "direct": (),
+        "inverse": (7.0, 3.0),
+        "combined": (9.0, 3.0, 2.0, 3.0),
+        "constraint": (2.0, 3.0),
     }
 )
 _HEX = re.compile(r"#[0-9a-fA-F]{6}")
@@ -46,6 +49,9 @@ class Polyline:
         Diameter of the tube [m]; by default in proportion to the robot.
     closed : bool
         Whether a last piece joins the last point to the first.
+    dashes : sequence of float, optional
+        Lengths of dashes and gaps in turn, in widths; by default those of a kind that is given as
+        the colour (``DASHES``), else none. Not used where there are ``values``.
 
     Raises
     ------
@@ -61,12 +67,17 @@ class Polyline:
     limits: tuple[float, float] | None = None
     width: float | None = None
     closed: bool = False
+    dashes: tuple[float, ...] | None = None
 
     def __post_init__(self) -> None:
         what = _called("polyline", self.label)
         _keep(self, "points", spots(self.points, f"{what}: points", 2))
         _check_paint(self, what, len(self.points))
         _check_positive(self.width, f"{what}: width")
+        dashes = DASHES.get(self.colour, ()) if self.dashes is None else tuple(self.dashes)
+        if len(dashes) % 2 or not all(np.isfinite(x) and x > 0.0 for x in dashes):
+            raise ClosureError(f"{what}: dashes must be pairs of positive lengths, got {dashes}")
+        _keep(self, "dashes", dashes if self.values is None else ())
 
 
 @dataclass(frozen=True, eq=False)

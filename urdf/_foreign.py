@@ -25,7 +25,7 @@ _TEXTS = ("remark", *MOTOR)
 _OURS = ("constraint", "task", "group_state", "remark")
 _WORDS: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = MappingProxyType(
     {
-        "robot": (("name", "version"), ("link", "joint", "transmission", *_OURS)),
+        "robot": (("name", "version"), ("link", "joint", "transmission", "material", *_OURS)),
         "link": (("name", "type"), ("inertial", "visual", "collision")),
         "inertial": ((), ("origin", "mass", "inertia")),
         "origin": (("xyz", "rpy", "quat_xyzw"), ()),
@@ -181,10 +181,9 @@ def _remove(child: Element, tag: str, removed: dict[tuple[str, str], list[str]])
     parent = child.getparent()
     if tag == "type" and parent.tag == "transmission" and child.text:
         parent.set("type", child.text.strip())  # written as an attribute in older files
-    if not (tag == "material" and parent.getparent() is None):  # colours: nothing is lost
-        name = parent.get("name")
-        owner = parent.tag if name is None else f"{parent.tag} {name!r}"
-        inside = "" if parent.getparent() is None else f" in <{owner}>"
-        place = f"line {child.sourceline}: <{tag}>{inside}"
-        removed.setdefault((tag, parent.tag), []).append(place)
+    name = parent.get("name")
+    owner = parent.tag if name is None else f"{parent.tag} {name!r}"
+    inside = "" if parent.getparent() is None else f" in <{owner}>"
+    place = f"line {child.sourceline}: <{tag}>{inside}"
+    removed.setdefault((tag, parent.tag), []).append(place)
     parent.remove(child)

@@ -78,12 +78,17 @@ class Inertial:
 
 @dataclass(frozen=True)
 class Link:
-    """A body, or a named point of a body when it hangs on a fixed joint."""
+    """A body, or a named point of a body when it hangs on a fixed joint.
+
+    ``solid`` says that its inertia is no statement of the file: it is that of its shapes, by the
+    densities of their materials.
+    """
 
     name: str
     inertial: Inertial | None = None
     visuals: int = 0
     line: int | None = None
+    solid: bool = False
 
 
 @dataclass(frozen=True)

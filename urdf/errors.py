@@ -10,7 +10,16 @@ from difflib import get_close_matches
 
 
 class ClosedChainError(Exception):
-    """Root of every error that closedchain raises on purpose."""
+    """Root of every error that closedchain raises on purpose.
+
+    Examples
+    --------
+    >>> try:
+    ...     cc.load("delta")
+    ... except cc.ClosedChainError as error:
+    ...     print(type(error).__name__)
+    DescriptionError
+    """
 
 
 class DescriptionError(ClosedChainError):
@@ -24,6 +33,14 @@ class DescriptionError(ClosedChainError):
         Tag of the offending element, for instance ``joint``.
     name : str or None
         Its ``name`` attribute.
+
+    Examples
+    --------
+    >>> try:
+    ...     cc.load_urdf("<robot name='r'><link name='a'/><joint name='j' type='hinge'/></robot>")
+    ... except cc.DescriptionError as error:
+    ...     print(error.element, error.name)
+    joint j
     """
 
     def __init__(
@@ -45,7 +62,17 @@ class DescriptionError(ClosedChainError):
 
 
 class ClosureError(ClosedChainError):
-    """A question to a mechanism that it cannot answer: unknown name, wrong shape, not closed."""
+    """A question to a mechanism that it cannot answer: unknown name, wrong shape, not closed.
+
+    Examples
+    --------
+    >>> m = cc.load("linear_delta")
+    >>> try:
+    ...     cc.direct(m, {"q1": -0.1, "q2": -0.1})
+    ... except cc.ClosureError as error:
+    ...     print(error)
+    input values: no value for input q3
+    """
 
 
 def known_names(wanted: str, kind: str, known: Iterable[str], *, most: int | None = None) -> str:

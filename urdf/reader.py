@@ -41,13 +41,17 @@ from closedchain.urdf.errors import DescriptionError
 from closedchain.urdf.expansion import expand
 from closedchain.urdf.formats.dialects import translate_dialects
 from closedchain.urdf.formats.missing_loops import are_loops_missing
+from closedchain.urdf.solid_links import solid_links, solids_note
 
 if TYPE_CHECKING:
     from lxml.etree import _Element as Element
 
 _NONE: Mapping[str, ParameterValue] = MappingProxyType({})
 _HOME = "home"
-_ROOT_ELEMENTS = ("link", "joint", CONSTRAINT, "transmission", "task", "group_state", "remark")
+_ROOT_ELEMENTS = (
+    *("link", "joint", "material", CONSTRAINT),
+    *("transmission", "task", "group_state", "remark"),
+)
 
 
 def load_description(
@@ -132,6 +136,8 @@ def read(text: str, *, parameters: Mapping[str, ParameterValue] = _NONE) -> Desc
     driven = without_second_drives([item for item in read_inputs if item is not None], notes)
     refuse_duplicates(driven, "transmission")
     states = _states(root, by_name)
+    links = solid_links(root, links, top)
+    notes += [told for told in (solids_note(root, links),) if told]
     notes += what_dynamics_read(joints, driven)
     notes += are_loops_missing(links, joints, couplings, bool(closures or relations))
     return Description(

@@ -36,6 +36,8 @@ class Shape:
     file : str
         File of a mesh, as written.
     rgba : four numbers, optional
+    density : float
+        Of the material [kg/m^3]; zero where none is stated.
     """
 
     kind: ShapeKind
@@ -43,6 +45,7 @@ class Shape:
     origin: Origin = _HERE
     file: str = ""
     rgba: Colour | None = None
+    density: float = 0.0
 
 
 def shapes_of(root: Element) -> dict[str, tuple[Shape, ...]]:
@@ -51,37 +54,40 @@ def shapes_of(root: Element) -> dict[str, tuple[Shape, ...]]:
     Raises
     ------
     DescriptionError
-        Numbers that are none.
+        Numbers that are none, a density below zero.
     """
-    colours = {m.get("name"): _colour(m) for m in root.findall("material")}
+    materials = {m.get("name"): m for m in root.findall("material")}
     found = {}
     for link in root.findall("link"):
-        shapes = [_shape(visual, colours) for visual in link.findall("visual")]
+        shapes = [_shape(visual, materials) for visual in link.findall("visual")]
         found[str(link.get("name"))] = tuple(shape for shape in shapes if shape is not None)
     return found
 
 
-def _shape(visual: Element, colours: Mapping[str | None, Colour | None]) -> Shape | None:
+def _shape(visual: Element, materials: Mapping[str | None, Element]) -> Shape | None:
     geometry = visual.find("geometry")
     element = None if geometry is None or not len(geometry) else geometry[0]
     if element is None:
         return None
-    material = visual.find("material")
-    rgba = None
-    if material is not None:
-        rgba = _colour(material) or colours.get(material.get("name"))
+    rgba, density = None, 0.0
+    own = visual.find("material")
+    if own is not None:
+        for material in (own, materials.get(own.get("name"))):
+            if material is not None:
+                rgba = rgba or _colour(material)
+                density = density or _density(material)
     origin = elements.origin(visual.find("origin"))
     if element.tag == "mesh":
         scale = elements.vector(element, "scale", (1.0, 1.0, 1.0))
-        return Shape("mesh", scale, origin, str(element.get("filename", "")), rgba)
+        return Shape("mesh", scale, origin, str(element.get("filename", "")), rgba, density)
     if element.tag == "box":
-        return Shape("box", elements.vector(element, "size"), origin, "", rgba)
+        return Shape("box", elements.vector(element, "size"), origin, "", rgba, density)
     if element.tag == "sphere":
-        return Shape("sphere", (elements.number(element, "radius"),), origin, "", rgba)
+        return Shape("sphere", (elements.number(element, "radius"),), origin, "", rgba, density)
     for kind in ("cylinder", "capsule"):
         if element.tag == kind:
             sizes = elements.number(element, "radius"), elements.number(element, "length")
-            return Shape(kind, sizes, origin, "", rgba)
+            return Shape(kind, sizes, origin, "", rgba, density)
     return None
 
 
@@ -91,6 +97,13 @@ def _colour(material: Element) -> Colour | None:
         return None
     r, g, b, a = elements.numbers(element, "rgba", (4,))
     return r, g, b, a
+
+
+def _density(material: Element) -> float:
+    density = elements.number(material, "density", 0.0)
+    if density < 0.0:
+        raise elements.error(material, f"density={density:g} must not be negative")
+    return density
 
 
 def visual_element(shape: Shape) -> Element:

@@ -48,16 +48,17 @@ def moments(shape: Shape) -> tuple[float, float, float]:
     return 0.0, 0.0, 0.0
 
 
-def inertial_of(shapes: Sequence[Shape], density: float) -> Inertial | None:
-    """Inertia of solid shapes of one density [kg/m^3], added up; None where there is no volume.
+def inertial_of(shapes: Sequence[Shape], density: float | None = None) -> Inertial | None:
+    """Inertia of solid shapes, added up; None where there is no mass.
 
-    What lies in two shapes counts twice.
+    Of one density [kg/m^3], or each of its material's. What lies in two shapes counts twice.
     """
     mass, first, second = 0.0, np.zeros(3), np.zeros((3, 3))
     for shape in shapes:
-        own = density * volume(shape)
+        dense = shape.density if density is None else density
+        own = dense * volume(shape)
         place, turn = np.array(shape.origin.xyz), pose_of(shape.origin)[:3, :3]
-        about = density * turn @ np.diag(moments(shape)) @ turn.T
+        about = dense * turn @ np.diag(moments(shape)) @ turn.T
         mass, first = mass + own, first + own * place
         second += about + own * ((place @ place) * np.eye(3) - np.outer(place, place))
     if mass == 0.0:

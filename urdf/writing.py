@@ -54,7 +54,8 @@ def urdf_text(description: Description, shapes: Shapes = _NO_SHAPES) -> str:
 def urdf_document(description: Description) -> Element:
     """Element tree of the URDF that a description comes from, brought up to date.
 
-    Closures, relations, inputs, task and named postures are those of the description. What other
+    Closures, relations, inputs, task and named postures are those of the description, and so are
+    inertias of links that follow from their shapes. What other
     dialects said about loops is not repeated; what belongs to other programs otherwise stays.
     """
     root = _original(description)
@@ -63,6 +64,7 @@ def urdf_document(description: Description) -> Element:
         return root
     followers = {coupling.joint for coupling in description.couplings}
     joints = {joint.name: joint for joint in description.joints}
+    links = {link.name: link for link in description.links}
     inputs = {item.name for item in description.inputs}
     for element in list(root):
         tag = local_name(element)
@@ -71,6 +73,10 @@ def urdf_document(description: Description) -> Element:
         elif tag == "gazebo":
             for loop in named_children(element, "joint"):
                 element.remove(loop)
+        elif element.tag == "link":
+            link = links[str(element.get("name"))]
+            if link.inertial is not None and element.find("inertial") is None:
+                element.insert(0, inertial_element(link.inertial))
         elif element.tag == "joint":
             element.attrib.pop("independent", None)
             if element.get("name") not in followers:

@@ -49,6 +49,13 @@ class Capabilities:
     force, moment : Ellipsoid
         That such efforts hold at the tip [N, N m], with the other half of the wrench at zero;
         infinite in directions that the structure itself carries.
+
+    Examples
+    --------
+    >>> m = cc.load("linear_delta")
+    >>> can = cc.capabilities(m, m.home)
+    >>> print(can.velocity.radii.round(3))  # half axes [m/s] for input rates with sum of squares 1
+    [1.871 1.871 0.577]
     """
 
     twist_map: np.ndarray
@@ -65,6 +72,13 @@ def capabilities(mechanism: Mechanism, q: ArrayLike) -> Capabilities:
     ------
     ClosureError
         Malformed or open posture, no task, or a direct singularity.
+
+    Examples
+    --------
+    >>> m = cc.load("linear_delta")
+    >>> can = cc.capabilities(m, m.home)
+    >>> print(can.force.radii.round(3))  # half axes [N] for efforts with sum of squares 1
+    [1.732 0.535 0.535]
     """
     t = _twist_map(mechanism, q)
     sizes = np.linalg.norm(t[:3], 2), mechanism.length * np.linalg.norm(t[3:], 2)
@@ -95,6 +109,15 @@ def compliance(mechanism: Mechanism, q: ArrayLike, stiffness: ArrayLike) -> np.n
     ------
     ClosureError
         As ``capabilities``; stiffnesses that are not above zero.
+
+    Examples
+    --------
+    >>> m = cc.load("linear_delta")
+    >>> C = cc.compliance(m, m.home, [1e5, 1e5, 1e5])  # each drive gives way by 1 m at 1e5 N
+    >>> print((C[:3, :3] * 1e6).round(2) + 0.0)  # [um/N]
+    [[35.    0.    0.  ]
+     [ 0.   35.    0.  ]
+     [ 0.    0.    3.33]]
     """
     k = _stiffness(mechanism, stiffness)
     t = _twist_map(mechanism, q)
@@ -121,6 +144,14 @@ def stiffness(mechanism: Mechanism, q: ArrayLike, drives: ArrayLike) -> np.ndarr
     ClosureError
         As ``compliance``; outputs that are more or fewer than the inputs, or an inverse
         singularity: the tip is rigid in some direction, and only its compliance is finite.
+
+    Examples
+    --------
+    >>> m = cc.load("linear_delta")
+    >>> K = cc.stiffness(m, m.home, [1e5, 1e5, 1e5])
+    >>> C = cc.compliance(m, m.home, [1e5, 1e5, 1e5])
+    >>> bool(np.allclose(K @ C[:3, :3], np.eye(3)))
+    True
     """
     k = _stiffness(mechanism, drives)
     t = velocity(mechanism, q).twist_map
@@ -145,6 +176,13 @@ def twist_maps(mechanism: Mechanism, postures: ArrayLike) -> np.ndarray:
     ------
     ClosureError
         Malformed postures, or no task.
+
+    Examples
+    --------
+    >>> m = cc.load("linear_delta")
+    >>> q = cc.direct(m, np.linspace([-0.2, -0.2, -0.2], [-0.1, -0.1, -0.1], 7)).q
+    >>> cc.twist_maps(m, q).shape
+    (7, 6, 3)
     """
     q = np.atleast_2d(mechanism.configurations(postures))
     code = effort_code(mechanism, (mechanism.required_task().tip,))
@@ -162,12 +200,28 @@ def twist_maps(mechanism: Mechanism, postures: ArrayLike) -> np.ndarray:
 
 
 def effort_per_force(mechanism: Mechanism, postures: np.ndarray) -> np.ndarray:
-    """Largest input effort for unit force at the tip, any direction."""
+    """Largest input effort for unit force at the tip, any direction.
+
+    Examples
+    --------
+    >>> m = cc.load("linear_delta")
+    >>> print(cc.effort_per_force(m, m.home[None]).round(4))  # [N/N]
+    [1.5635]
+    """
     return np.asarray(np.linalg.norm(twist_maps(mechanism, postures)[:, :3], axis=1).max(axis=1))
 
 
 def effort_per_moment(mechanism: Mechanism, postures: np.ndarray) -> np.ndarray:
-    """Largest input effort for unit moment at the tip, any direction."""
+    """Largest input effort for unit moment at the tip, any direction.
+
+    Examples
+    --------
+    >>> m = cc.load("d1")
+    >>> inputs = m.input_values(m.home) + [0.02, -0.01, 0, 0.02, 0.01, -0.02]
+    >>> q = cc.direct(m, inputs).raise_if_failed().q
+    >>> bool(cc.effort_per_moment(m, q[None])[0] > 0.0)  # [N/(N m)]
+    True
+    """
     return np.asarray(np.linalg.norm(twist_maps(mechanism, postures)[:, 3:], axis=1).max(axis=1))
 
 
@@ -195,6 +249,13 @@ def largest_compliance(drives: ArrayLike) -> TipCompliance:
     ----------
     drives : (n_inputs,) array
         Stiffness of each input [N/m or N m/rad].
+
+    Examples
+    --------
+    >>> m = cc.load("linear_delta")
+    >>> gives = cc.largest_compliance([1e5, 1e5, 1e5])  # a measure for cc.singularity_map
+    >>> print((gives(m, m.home[None]) * 1e6).round(2))  # [um/N]
+    [35.]
     """
     return TipCompliance(tuple(np.array(drives, dtype=float).ravel().tolist()))
 

@@ -36,6 +36,16 @@ class EffortHistory:
         Wrench that each joint carries, as ``Statics.joints`` has it.
     undetermined : mapping of str to tuple of str
         What rigid bodies leave open, as ``Statics.undetermined``, at any of the times.
+
+    Examples
+    --------
+    >>> m = cc.with_inertias(cc.load("linear_delta"))
+    >>> times = np.linspace(0.0, 1.0, 11)
+    >>> path = m.input_values(m.home) + np.outer(0.02 * times**2, [1, 1, 1])
+    >>> way = cc.track(m, path, times=times)
+    >>> history = cc.efforts_along(m, times, way.q, way.qdot, way.qddot)
+    >>> history.inputs.shape, history.joints["leg1_B"].shape
+    ((11, 3), (11, 6))
     """
 
     mechanism: Mechanism = field(repr=False)
@@ -103,6 +113,16 @@ def efforts_along(
     ------
     ClosureError
         Malformed numbers, open postures, singular ones, or too few samples for a spline.
+
+    Examples
+    --------
+    >>> m = cc.with_inertias(cc.load("linear_delta"))
+    >>> times = np.linspace(0.0, 1.0, 11)
+    >>> rest = cc.efforts_along(m, times, np.tile(m.home, (11, 1)))
+    >>> bool(np.allclose(rest.inputs, cc.statics(m, m.home).inputs))
+    True
+    >>> bool(np.allclose(rest.powers, 0.0))  # nothing moves, no power is needed
+    True
     """
     t = np.array(times, dtype=float)
     postures = np.atleast_2d(mechanism.configurations(q))

@@ -40,6 +40,13 @@ class InputDynamics:
     reflected_inertia : (n_inputs, n_inputs) array
         The share of M that rotors and armatures have. Of a motor on its own joint it is the
         rotor's inertia times the reduction squared; armatures of other joints add to it.
+
+    Examples
+    --------
+    >>> m = cc.with_inertias(cc.load("linear_delta"))
+    >>> terms = cc.input_dynamics(m, m.home, [0.5, 0.0, 0.0])
+    >>> terms.mass.shape, terms.coriolis.shape, terms.gravity.shape
+    ((3, 3), (3,), (3,))
     """
 
     mass: np.ndarray
@@ -76,6 +83,14 @@ def input_dynamics(
     ClosureError
         Malformed numbers, an open posture, a direct singularity, too few inputs, or more inputs
         than freedoms: they are no coordinates then.
+
+    Examples
+    --------
+    >>> m = cc.with_inertias(cc.load("linear_delta"))
+    >>> terms, a = cc.input_dynamics(m, m.home, [0.5, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
+    >>> efforts = terms.mass @ a + terms.coriolis + terms.gravity + terms.friction
+    >>> bool(np.allclose(efforts, cc.inverse_dynamics(m, m.home, [0.5, 0.0, 0.0], a).inputs))
+    True
     """
     at = first_order(mechanism, q, task=mechanism.task is not None)
     n = len(mechanism.inputs)
@@ -104,5 +119,12 @@ def mass_matrix(
 
     Symmetric; kinetic energy is half of it between the input rates. Rotors and armatures count.
     Parameters and errors as for ``input_dynamics``.
+
+    Examples
+    --------
+    >>> m = cc.with_inertias(cc.load("linear_delta"))
+    >>> M = cc.mass_matrix(m, m.home)  # [kg], in front of the sliders
+    >>> bool(np.allclose(M, M.T)), bool(np.linalg.eigvalsh(M).min() > 0.0)
+    (True, True)
     """
     return input_dynamics(mechanism, q, gravity=False, payload=payload).mass

@@ -166,6 +166,13 @@ def input_efforts(
     ------
     ClosureError
         Malformed numbers, open postures, or one at which the load is not carried.
+
+    Examples
+    --------
+    >>> m = cc.with_inertias(cc.load("linear_delta"))
+    >>> many = cc.resets(m, 100, seed=1).q
+    >>> cc.input_efforts(m, many, wrench=[0, 0, -20, 0, 0, 0]).shape  # [N]
+    (100, 3)
     """
     postures = mechanism.configurations(q)
     table = np.atleast_2d(postures)

@@ -41,6 +41,15 @@ class InverseDynamics:
     forces : Statics
         Loop forces, joint wrenches, and what rigid bodies leave open. The component along a
         driven joint's axis is its effort less what friction and the rotor take.
+
+    Examples
+    --------
+    >>> m = cc.with_inertias(cc.load("linear_delta"))
+    >>> found = cc.inverse_dynamics(m, m.home, [0.1, 0.1, 0.1], [0.0, 0.0, 0.0])
+    >>> bool(np.allclose(found.powers, 0.1 * found.inputs))  # effort times speed
+    True
+    >>> found.forces.joints["leg1_B"].shape  # force and moment that a hinge carries
+    (6,)
     """
 
     inputs: np.ndarray
@@ -80,6 +89,13 @@ def inverse_dynamics(
     ClosureError
         Malformed numbers, an open posture, a direct singularity or too few inputs (the inputs do
         not determine the motion), rates that the loops contradict.
+
+    Examples
+    --------
+    >>> m = cc.with_inertias(cc.load("linear_delta"))
+    >>> rest = cc.inverse_dynamics(m, m.home, [0, 0, 0], [0, 0, 0])
+    >>> bool(np.allclose(rest.inputs, cc.statics(m, m.home).inputs))
+    True
     """
     at = first_order(mechanism, q, task=mechanism.task is not None)
     on = loads(mechanism, wrench, gravity, payload)

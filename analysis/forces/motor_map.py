@@ -36,6 +36,15 @@ class Transmission:
     ----------
     joint_names, motor_names : tuples of str
         k joints and m motors; motors by the names of their inputs.
+
+    Examples
+    --------
+    >>> m = cc.load("d1")
+    >>> t = cc.transmission(m, ["leg1_R", "leg2_R", "leg3_R"])  # hinges of three legs
+    >>> t.motor_names
+    ('q1', 'q2', 'q3')
+    >>> bool(np.allclose(t.joints_at(t.motors(t.home)), t.home))
+    True
     """
 
     mechanism: Mechanism

@@ -1,8 +1,8 @@
 """Determinants along a motion that change sign where a singularity is passed.
 
-The basis Z of the closed motions turns steadily from posture to posture. Then det [K; Z^T],
-with independent rows of K, changes sign where K loses a rank, and the determinant of the inputs'
-rates on Z where the inputs stop driving the motions.
+The basis N of the closed motions turns steadily from posture to posture. Then det [K; N^T], with
+independent rows of K, changes sign where K loses a rank, and the determinant of the inputs' rates
+on N where the inputs stop driving the motions.
 """
 
 from __future__ import annotations
@@ -12,9 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from closedchain.analysis.forces.forward_dynamics import Plant
-from closedchain.closure.generic import dimensionless_jacobian
-from closedchain.closure.solve.problem import problem_of
+from closedchain.analysis.forces.plant import Plant
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,15 +26,15 @@ class Signs:
 def signs(plant: Plant, q: np.ndarray, last: Signs | None) -> Signs | None:
     """Determinants at a posture, oriented as at the last one; None where nothing can move."""
     m = plant.mechanism
-    basis = plant.closed(q).basis
+    here = plant.fit(q, np.zeros(m.model.nv))
+    basis, side = here.basis, here.side
     if not basis.shape[1]:
         return None
     if last is not None and np.linalg.det(last.basis.T @ basis) < 0.0:
-        basis = basis * np.array([-1.0, *([1.0] * (basis.shape[1] - 1))])
+        basis, side = np.hstack([-basis[:, :1], basis[:, 1:]]), -side
     values = {}
     if basis.shape[1] == len(m.inputs):
         values["direct"] = float(np.linalg.det(basis[m.input_v]))
     if m.rows:
-        kept = dimensionless_jacobian(m, q)[list(problem_of(m).kept)]
-        values["constraint"] = float(np.linalg.det(np.vstack([kept, basis.T])))
+        values["constraint"] = side
     return Signs(basis, values)

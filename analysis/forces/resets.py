@@ -66,6 +66,13 @@ class Resets:
         Share of the draws that became states.
     text : str
         The same in a sentence.
+
+    Examples
+    --------
+    >>> m = cc.load("linear_delta")
+    >>> r = cc.resets(m, 50, seed=1)
+    >>> r.q.shape, r.v.shape, r.names
+    ((50, 16), (50, 16), ('q1', 'q2', 'q3'))
     """
 
     mechanism: Mechanism = field(repr=False)
@@ -157,6 +164,13 @@ def resets(
     ClosureError
         Malformed numbers, unknown coordinates, starts that are not closed, or ranges in which next
         to nothing is found.
+
+    Examples
+    --------
+    >>> m = cc.load("linear_delta")
+    >>> r = cc.resets(m, 50, seed=1, over={"x": (-0.05, 0.05), "y": (-0.05, 0.05), "z": None})
+    >>> bool(np.abs(r.values[:, :2]).max() <= 0.05), r.residual < 1e-12
+    (True, True)
     """
     if not isinstance(n, int | np.integer) or n < 1:
         raise ClosureError(f"n must be a whole number from 1 on, got {n!r}")

@@ -85,6 +85,15 @@ class Statics:
         Work on the free motions of each part of the load that does any, by name.
     text : str
         All of it that needs saying, in sentences.
+
+    Examples
+    --------
+    >>> m = cc.with_inertias(cc.load("linear_delta"))
+    >>> s = cc.statics(m, m.home, wrench=[0, 0, -20, 0, 0, 0])
+    >>> s.carried, s.joints["leg1_B"].shape, s.internal.shape[1]
+    (True, (6,), 12)
+    >>> "q1" in s.undetermined  # the drives' efforts are certain, in spite of internal forces
+    False
     """
 
     inputs: np.ndarray
@@ -139,6 +148,13 @@ def statics(
     ------
     ClosureError
         Malformed numbers, an open posture, unknown frames.
+
+    Examples
+    --------
+    >>> m = cc.load("linear_delta")
+    >>> s = cc.statics(m, m.home, wrench=[0, 0, -30, 0, 0, 0], gravity=False)
+    >>> print(s.inputs.round(6))  # a third of the load on each slider [N]
+    [10. 10. 10.]
     """
     at = first_order(mechanism, q, task=mechanism.task is not None)
     on = loads(mechanism, wrench, gravity, payload)

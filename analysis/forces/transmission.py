@@ -32,6 +32,15 @@ def transmission(
     ------
     ClosureError
         Unknown names, joints that depend on each other, or motors that do not determine them.
+
+    Examples
+    --------
+    >>> m = cc.load("d1")
+    >>> t = cc.transmission(m, ["leg1_R", "leg2_R", "leg3_R"])
+    >>> print(t.jacobian(t.home).round(2) + 0.0)  # d motors / d joints [m/rad]
+    [[1.74 0.   0.  ]
+     [0.   1.74 0.  ]
+     [0.   0.   1.74]]
     """
     if isinstance(joints, str) or not joints:
         raise ClosureError("joints must be a list of joint names, at least one")

@@ -53,6 +53,15 @@ def transmission_table(
     ------
     ClosureError
         Unknown joints, ranges that do not rise, too many points.
+
+    Examples
+    --------
+    >>> m = cc.load("d1")
+    >>> t = cc.transmission(m, ["leg1_R", "leg2_R", "leg3_R"])
+    >>> ranges = {name: (x - 0.01, x + 0.01) for name, x in zip(t.joint_names, t.home)}
+    >>> table = cc.transmission_table(t, ranges, points=3)
+    >>> table["motor"].dims, bool(table["reached"].any())
+    (('leg1_R', 'leg2_R', 'leg3_R', 'motors'), True)
     """
     import xarray as xr
 

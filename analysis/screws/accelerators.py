@@ -132,6 +132,13 @@ class Accelerators:
     circuits : Circuits
     rates, second_rates : (freedoms,) arrays
         Of all pairs, cut ones too, stacked [m/s, rad/s] and [m/s^2, rad/s^2].
+
+    Examples
+    --------
+    >>> m = cc.load("linear_delta")
+    >>> s = cc.accelerators(m, m.home, [0.1, 0.1, 0.1], [0.0, 0.0, 0.0])
+    >>> print(s.twist("platform").round(3) + 0.0)  # angular, velocity at the origin
+    [0.  0.  0.  0.  0.  0.1]
     """
 
     circuits: Circuits
@@ -230,6 +237,14 @@ def accelerators(
     ClosureError
         Malformed or open posture, a direct singularity, or, with more inputs than freedoms, rates
         that the loops contradict.
+
+    Examples
+    --------
+    >>> m = cc.load("linear_delta")
+    >>> rates = [0.1, 0.0, 0.0], [0.0, 0.0, 0.5]
+    >>> s, a = cc.accelerators(m, m.home, *rates), cc.acceleration(m, m.home, *rates)
+    >>> bool(np.allclose(s.qddot, a.qddot))  # screws and Jacobians agree
+    True
     """
     at = circuits(mechanism, q)
     va = mechanism.input_vector(v_inputs, "input velocities")

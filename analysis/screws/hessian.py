@@ -42,6 +42,13 @@ class Hessian:
         rates; symmetric in the last two axes.
     rank : Rank
         Of the circuits' conditions on the joints that are no inputs, dimensionless.
+
+    Examples
+    --------
+    >>> m = cc.load("linear_delta")
+    >>> h = cc.hessian(m, m.home)
+    >>> h.T.shape, h.H.shape, h.frame
+    ((6, 3), (6, 3, 3), 'P')
     """
 
     frame: str
@@ -97,6 +104,14 @@ def hessian(mechanism: Mechanism, q: ArrayLike, frame: str | None = None) -> Hes
     ClosureError
         Malformed or open posture, no task and no frame, an unknown frame, or inputs that do not
         determine the motion (a direct singularity, too few inputs).
+
+    Examples
+    --------
+    >>> m = cc.load("linear_delta")
+    >>> v = np.array([0.1, 0.0, 0.0])
+    >>> h, a = cc.hessian(m, m.home), cc.acceleration(m, m.home, v, [0.0, 0.0, 0.0])
+    >>> bool(np.allclose(np.einsum("kij,i,j", h.H, v, v), a.tip_acceleration))
+    True
     """
     name = mechanism.required_task().tip if frame is None else frame
     at = circuits(mechanism, q)

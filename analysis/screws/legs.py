@@ -102,6 +102,13 @@ class LegVelocity:
         Leg of each of these rows.
     rank : Rank
         Of the columns that are eliminated.
+
+    Examples
+    --------
+    >>> m = cc.load("linear_delta")
+    >>> found = cc.leg_velocity(m, m.home)
+    >>> len(found.legs), found.Jx.shape, found.Jq.shape
+    (3, (9, 6), (9, 3))
     """
 
     Jx: np.ndarray
@@ -136,6 +143,14 @@ def leg_velocity(mechanism: Mechanism, q: ArrayLike) -> LegVelocity:
     ClosureError
         Malformed or open posture; no task; a body that is in no leg, or a coupling between passive
         joints, which are named.
+
+    Examples
+    --------
+    >>> m = cc.load("linear_delta")
+    >>> found, rates = cc.leg_velocity(m, m.home), np.array([0.1, 0.2, 0.3])
+    >>> tip = cc.acceleration(m, m.home, rates, [0.0, 0.0, 0.0]).tip_twist
+    >>> bool(np.allclose(found.Jx @ tip, found.Jq @ rates))
+    True
     """
     at = first_order(mechanism, q, task=False)
     graph, found, names = leg_structure(mechanism)

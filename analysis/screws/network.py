@@ -79,6 +79,13 @@ class Network:
         Of N, dimensionless: joints less rank is the mobility.
     secondary_rank : Rank
         Of N_s, dimensionless: the secondary rates are determined where it is their number.
+
+    Examples
+    --------
+    >>> m = cc.load("linear_delta")
+    >>> net = cc.network(m, m.home)
+    >>> net.mobility, net.primary
+    (3, ('leg1_P', 'leg2_P', 'leg3_P'))
     """
 
     matrix: np.ndarray
@@ -219,6 +226,14 @@ def network(
     ClosureError
         Malformed or open posture, unknown or repeated joints, a virtual chain of another kind or
         without a task, or one that would join a body to itself.
+
+    Examples
+    --------
+    >>> m = cc.load("linear_delta")
+    >>> net = cc.network(m, m.home)
+    >>> rates = net.secondary_rates([0.1, 0.1, 0.1])  # of all joints that no input drives
+    >>> rates.shape == (len(net.secondary),)
+    True
     """
     at = first_order(mechanism, q, task=False)
     graph = loops(mechanism)

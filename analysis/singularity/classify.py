@@ -71,6 +71,17 @@ class Classification:
         At an infinite distance where no singular value is small, so that none was sought.
     outputs : tuple of str
     text : str
+
+    Examples
+    --------
+    >>> m = cc.load("d1")
+    >>> found = cc.classify(m, m.home)
+    >>> sorted(found.types)
+    ['IO', 'RI']
+    >>> found.lost_twists.shape  # one combination of the six outputs cannot be produced
+    (6, 1)
+    >>> bool(found.distance <= found.accuracy)
+    True
     """
 
     kinds: frozenset[str]
@@ -128,6 +139,14 @@ def classify(
     ------
     ClosureError
         Malformed or open posture, unknown outputs, no task.
+
+    Examples
+    --------
+    >>> m = cc.load("d1")
+    >>> sorted(cc.classify(m, m.home).kinds)
+    ['inverse']
+    >>> sorted(cc.classify(m, m.home, "x y z rx rz").kinds)  # a task without rotation about y
+    []
     """
     at = first_order(mechanism, q, outputs)
     generic = generic_ranks(mechanism, at.outputs)

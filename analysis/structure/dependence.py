@@ -43,6 +43,17 @@ class Dependence:
         Entries of ``largest`` around the decision, 0 where there are none.
     postures : (n, nq) array
         Those at which the inputs determine the outputs.
+
+    Examples
+    --------
+    >>> m = cc.load("rpa3t")
+    >>> d = cc.dependence(m)
+    >>> print(d.matrix.astype(int))  # rows x y z, columns theta1 theta2 theta3
+    [[1 1 1]
+     [1 1 1]
+     [1 1 0]]
+    >>> d.decoupled
+    False
     """
 
     body: str
@@ -88,6 +99,13 @@ def dependence(
     ClosureError
         No inputs, unknown outputs or body, malformed or open posture; or inputs that determine the
         outputs, or can move independently of each other, at none of the postures.
+
+    Examples
+    --------
+    >>> m = cc.load("rpa3t")
+    >>> d = cc.dependence(m)
+    >>> bool(d.matrix[d.outputs.index("z"), d.inputs.index("theta3")])  # z is free of theta3
+    False
     """
     looking = looking_at(mechanism, body)
     if not mechanism.inputs:

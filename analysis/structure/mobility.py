@@ -13,11 +13,16 @@ from numpy.typing import ArrayLike
 from closedchain.analysis.structure.driving import driving
 from closedchain.analysis.structure.hinges import pairs_of_tree, symbol_of
 from closedchain.closure.closures import Coupling
-from closedchain.closure.generic import GenericRank, generic_ranks, sampled_rank
+from closedchain.closure.generic import (
+    GenericRank,
+    dimensionless_jacobian,
+    generic_ranks,
+    sampled_rank,
+)
 from closedchain.closure.joint_kinds import BY_SYMBOL, JOINT_KINDS
 from closedchain.closure.mechanism import Mechanism
 from closedchain.closure.modes.dimension import finite_dimensions
-from closedchain.closure.ranks import Rank
+from closedchain.closure.ranks import Rank, numerical_rank
 from closedchain.urdf.description import Description
 from closedchain.urdf.errors import ClosureError
 
@@ -51,6 +56,12 @@ class Mobility:
     undriven, idle : int or None
         Freedoms that move the outputs of the task with all inputs locked, in every posture, and
         freedoms that move neither inputs nor outputs; None without a task.
+
+    Examples
+    --------
+    >>> found = cc.mobility(cc.load("linear_delta"))
+    >>> found.gruebler, found.mobility, found.redundant_rows
+    (-9, 3, 12)
     """
 
     links: int
@@ -80,7 +91,8 @@ class Mobility:
     def finite_at(self, q: ArrayLike) -> tuple[int, ...]:
         """Dimensions that branches of postures around a closed one (nq,) have, the largest first.
 
-        Raises ``ClosureError`` where the loops are open.
+        Where all closure rows are independent, or nothing moves to the first order, the rank alone
+        tells; elsewhere the set is measured. Raises ``ClosureError`` where the loops are open.
         """
         q = self.mechanism.configuration(q)
         gap = float(np.abs(self.mechanism.workspace.residual(q)).max(initial=0.0))
@@ -88,6 +100,9 @@ class Mobility:
             raise ClosureError(
                 f"the loops are open there by {gap:.3g}; close them first (cc.close)"
             )
+        jacobian = dimensionless_jacobian(self.mechanism, q)
+        if (rank := numerical_rank(jacobian).value) in jacobian.shape:
+            return (self.mechanism.model.nv - rank,)
         return finite_dimensions(self.mechanism, q)
 
 
@@ -97,6 +112,12 @@ def mobility(mechanism: Mechanism) -> Mobility:
     Gruebler's (Kutzbach's) count F = 6 (n - j - 1) + sum f_i [Gallardo-Alvarado 2010, eq. (1)]
     knows only numbers; the mobility is nv - rank K on the set of closed postures. Virtual
     chains (floating joints) have six freedoms and add nothing to either.
+
+    Examples
+    --------
+    >>> found = cc.mobility(cc.load("linear_delta"))
+    >>> found.mobility, found.gruebler  # parallelograms fool the count
+    (3, -9)
     """
     counts, cross_links = _pairs(mechanism.description)
     bodies = _bodies(mechanism.description) - cross_links

@@ -113,6 +113,12 @@ class Structure:
     exhaustive : bool
         Whether all orders and choices of open chains were searched; else the coupling degree is an
         upper bound.
+
+    Examples
+    --------
+    >>> s = cc.structure(cc.load("rpa3t"))
+    >>> s.ranks, s.mobility, s.coupling_degree
+    ((6, 5), 3, 0)
     """
 
     name: str

@@ -62,6 +62,12 @@ class Poc:
         sine of those that do, the largest of those that stay.
     postures : (n, nq) array
         Where all this was asked.
+
+    Examples
+    --------
+    >>> p = cc.poc(cc.load("linear_delta"))
+    >>> p.translations, p.rotations, p.finite
+    (3, 0, True)
     """
 
     body: str
@@ -110,6 +116,11 @@ def poc(mechanism: Mechanism, body: str | None = None, q: ArrayLike | None = Non
     ------
     ClosureError
         Unknown body, malformed or open posture, or one that no motion leads away from.
+
+    Examples
+    --------
+    >>> cc.poc(cc.load("rpa3t"), "platform").symbol  # three translations, no rotation
+    't^3 r^0'
     """
     looking = looking_at(mechanism, body)
     tip = looking.required_task().tip

@@ -93,6 +93,12 @@ class Relaxation:
         Some joints that are enough together, with joints that are easily bought where these do.
         Empty where none were found.
     text : str
+
+    Examples
+    --------
+    >>> found = cc.relaxation(cc.load("linear_delta"))
+    >>> found.redundant, len(found.together) > 0
+    (12, True)
     """
 
     redundant: int
@@ -111,6 +117,11 @@ def relaxation(mechanism: Mechanism) -> Relaxation:
     ------
     ClosureError
         Home is open.
+
+    Examples
+    --------
+    >>> cc.relaxation(cc.load("d1")).redundant  # D1 is not overconstrained
+    0
     """
     redundant = mechanism.rows - sampled_rank(mechanism).rank.value
     if not redundant:

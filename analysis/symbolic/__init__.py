@@ -44,6 +44,12 @@ def symbolic_singularities(
     ClosureError
         A mechanism that is not made of legs, whose legs share a platform in a loop, or whose
         expressions grow too large; unknown names.
+
+    Examples
+    --------
+    >>> s = cc.symbolic_singularities(cc.load("linear_delta"))
+    >>> [factor.role for factor in s.legs[0].lever_factors["q1"]]
+    ['inverse', 'inverse']
     """
     from closedchain.analysis.symbolic.closed_forms import derive  # only who asks waits for it
 

@@ -104,6 +104,15 @@ class SymbolicSingularities:
     legend : mapping of symbol to Meaning
     assumptions : tuple of str
     values : callable
+
+    Examples
+    --------
+    >>> m = cc.load("linear_delta")
+    >>> s = cc.symbolic_singularities(m)
+    >>> print(s.legs[0].levers["q1"])  # zero where the rod is level: an inverse singularity
+    -cos(q_b1)*cos(q_d1)
+    >>> abs(s.evaluate(s.det_Jx.expr, m.home)) > 0.1
+    True
     """
 
     name: str

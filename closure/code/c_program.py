@@ -14,7 +14,7 @@ from closedchain.closure.code.program import ENDINGS, FALL, Program
 from closedchain.closure.code.resources import blocks, resource
 from closedchain.closure.solve.control import ASKING, FRESH, STATE
 from closedchain.closure.solve.outcome import Ending
-from closedchain.closure.solve.path import Follower
+from closedchain.closure.solve.step_tapes import StepTapes
 from closedchain.closure.tape.c_text import C
 from closedchain.closure.tape.expression import Tape
 from closedchain.closure.tape.printing import Language, as_numbers, indented, repeated, statements
@@ -162,10 +162,10 @@ class CProgram:
         program = self.program
         parts = [f'#include "{self.name}.h"\n\n#include <math.h>\n', self._constants()]
         parts.append(self.function("static void name_check", program.closures.check_tape))
-        for way, follower in program.ways:
+        for way, tapes in program.ways:
             parts += [
-                self.loop(f"name_{way}_step", follower.step_tape, follower.states),
-                *self._judge(f"name_{way}", follower),
+                self.loop(f"name_{way}_step", tapes.step_tape, tapes.states),
+                *self._judge(f"name_{way}", tapes),
             ]
         parts.append(resource("follow.c").replace("/* SENTENCES */\n", self._sentences()))
         if program.direct is not None:
@@ -185,7 +185,7 @@ class CProgram:
         integers |= {"STATE": len(STATE), "P": program.first_rate}
         integers |= {name.upper(): STATE.index(name) for name in ("reached", "status")}
         integers["EVALUATIONS"] = STATE.index("evaluations")
-        integers |= {f"{way.upper()}_STATES": follower.states for way, follower in program.ways}
+        integers |= {f"{way.upper()}_STATES": tapes.states for way, tapes in program.ways}
         precision = program.precision
         numbers = {
             "ASKING": ASKING,
@@ -240,9 +240,9 @@ class CProgram:
         body = indented([*lines, f"if (!{running}) break;"], 2)
         return f"{head}{begin}{body}    }}\n}}\n"
 
-    def _judge(self, name: str, follower: Follower) -> list[str]:
+    def _judge(self, name: str, tapes: StepTapes) -> list[str]:
         """The judgement of a trial."""
-        judging = Judging(follower)
+        judging = Judging(tapes)
         numbers, sums = len(judging.first.outputs), judging.states
         given = judging.source(("s", "p", "c"))
         first, names = statements(judging.first, self.real.language, given)

@@ -28,9 +28,9 @@ class Case:
 def cases_of(program: Program) -> list[Case]:
     """Ways from a regular posture to a third of the way to others, those that arrive."""
     found: list[Case] = []
-    for way, follower in program.ways:
-        exact = follower_of(follower.problem)
-        samples = by_conditioning(follower.problem)
+    for way, tapes in program.ways:
+        exact = follower_of(tapes.problem)
+        samples = by_conditioning(tapes.problem)
         known = (_case(way, exact, guess, guess) for guess in samples)
         start = next((case for case in known if case is not None), None)
         if start is not None:

@@ -54,6 +54,14 @@ def export_code(
     ClosureError
         Unknown language, number, outputs, a name that is none, or a mechanism with neither inputs
         nor a task, or with an open home.
+
+    Examples
+    --------
+    >>> m = cc.load("linear_delta")
+    >>> sorted(cc.export_code(m, "c"))
+    ['linear_delta.c', 'linear_delta.h', 'linear_delta_test.c']
+    >>> sorted(cc.export_code(m, "js"))
+    ['linear_delta.mjs']
     """
     if language not in LANGUAGES:
         raise ClosureError(f"code can be written in {' or '.join(LANGUAGES)}, not in {language!r}")

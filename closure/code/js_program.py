@@ -7,11 +7,12 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
+from closedchain.closure import nearness
 from closedchain.closure.code.judging import Judging
 from closedchain.closure.code.program import ENDINGS, FALL, Program
-from closedchain.closure.code.resources import blocks
+from closedchain.closure.code.resources import blocks, resource
 from closedchain.closure.solve.control import ASKING, FRESH, STATE
-from closedchain.closure.solve.path import Follower
+from closedchain.closure.solve.step_tapes import StepTapes
 from closedchain.closure.tape.expression import Tape
 from closedchain.closure.tape.js_text import JAVASCRIPT
 from closedchain.closure.tape.printing import as_numbers, indented, repeated, statements
@@ -31,9 +32,9 @@ class JsProgram:
         p = self.program
         parts = [self._head(), *self._constants(), self.function("check", p.closures.check_tape)]
         parts.append(self.function("allBodies", p.bodies))
-        for way, follower in p.ways:
-            parts.append(self.loop(f"{way}_step", follower.step_tape, follower.states))
-            parts += self._judge(way, follower)
+        for way, tapes in p.ways:
+            parts.append(self.loop(f"{way}_step", tapes.step_tape, tapes.states))
+            parts += self._judge(way, tapes)
         if p.inverse is not None:
             parts.append(self.function("inverse_check", p.inverse.check_tape))
             parts.append(self.function("tipPose", p.inverse.place_tape))
@@ -41,9 +42,12 @@ class JsProgram:
             found = p.matrices
             parts.append(self.function("allMatrices", found.tape, found.places))
             parts.append(self.function("moved", p.moved))
+            parts.append(self.function("closureValues", p.closure_values))
+            parts.append(self.function("allSlopes", p.slopes))
         wanted = {"ALWAYS": True, "DIRECT": p.direct is not None}
         wanted |= {"INVERSE": p.inverse is not None, "MEASURE": p.measured}
-        return "\n".join([*parts, *(text for key, text in blocks("program.js") if wanted[key])])
+        parts += [text for key, text in blocks("program.js") if wanted[key]]
+        return "\n".join([*parts, *([resource("deciding.js")] if p.measured else [])])
 
     def _head(self) -> str:
         return """\
@@ -71,7 +75,7 @@ class JsProgram:
         known: dict[str, Any] = {k: v for k, v in p.constants.items() if k != "INPUTS"}
         known |= {"POSE": 7, "BODIES": m.model.njoints - 1, "MOST_STEPS": MOST_STEPS}
         known |= {name.upper(): STATE.index(name) for name in ("reached", "status", "evaluations")}
-        known |= {f"{way.upper()}_STATES": follower.states for way, follower in p.ways}
+        known |= {f"{way.upper()}_STATES": tapes.states for way, tapes in p.ways}
         known |= {"ASKING": ASKING, "FRESH": FRESH.tolist(), "CLOSED": p.precision.closed}
         known |= {"OPEN_ABOVE": 1e-6, "SMALLEST": p.precision.smallest, "RANK_LOST": 1e-9}
         known |= {"MATRIX_ROWS": p.matrix_rows, "FIRST_RATE": p.first_rate, "FALL": FALL}
@@ -79,6 +83,21 @@ class JsProgram:
         known |= {"INPUT_Q": m.input_q.tolist(), "INPUT_V": m.input_v.tolist()}
         known |= {"INPUT_UNIT": m.column_scale[m.input_v].tolist()}
         known |= {"OUTPUT_UNIT": p.output_units.tolist()}
+        known["NEARNESS"] = {k: v for k, v in vars(nearness).items() if k.isupper()}
+        known["GENERIC"] = {
+            "inputs": p.generic.inputs.value,
+            "together": p.generic.together.value,
+            "outputScale": p.generic.output_scale,
+        }
+        known["JOINTS"] = [
+            {
+                "q": joint.idx_q,
+                "v": joint.idx_v,
+                "scale": float(m.column_scale[joint.idx_v]),
+                "floating": joint.nq > 1,
+            }
+            for joint in list(m.model.joints)[1:]
+        ]
         known["ENDINGS"] = {
             e.name: {"code": e.code, "word": e.word, "sentence": e.sentence} for e in ENDINGS
         }
@@ -101,9 +120,9 @@ class JsProgram:
         begin = "    for (let tick = 0; tick < most; ++tick) {\n"
         return f"function {name}(s, p, most) {{\n{begin}{body}    }}\n}}\n"
 
-    def _judge(self, way: str, follower: Follower) -> list[str]:
+    def _judge(self, way: str, tapes: StepTapes) -> list[str]:
         """The judgement of a trial."""
-        judging = Judging(follower)
+        judging = Judging(tapes)
         given = judging.source(("s", "p", "c"))
         first, names = statements(judging.first, JAVASCRIPT, given)
         first += [f"n[{k}] = {x};" for k, x in enumerate(as_numbers(judging.first, names))]

@@ -1,4 +1,4 @@
-"""The judgement of a trial, column by column: a loop where ``path`` has it written out.
+"""The judgement of a trial, column by column: a loop where ``step_tapes`` has it written out.
 
 The bound is that of ``tape.elimination.relative_change``. Written out it solves once for every
 row, which makes most of a program's text; here one solution is written down and repeated.
@@ -10,7 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
-from closedchain.closure.solve.path import Asked, Follower
+from closedchain.closure.solve.step_tapes import Asked, StepTapes
 from closedchain.closure.tape.expression import Expr, Graph, Tape, total
 
 
@@ -23,16 +23,16 @@ class Judging:
     parameters and what the loop left, to the new state.
     """
 
-    follower: Follower
+    tapes: StepTapes
 
     @cached_property
     def _asked(self) -> Asked:
-        return self.follower.asked()
+        return self.tapes.asked()
 
     @cached_property
     def _changes(self) -> list[dict[int, Expr]]:
         """Entries of the Jacobian that change, by row and free column."""
-        zero, free = self._asked.lane.graph.constant(0.0), set(self.follower.problem.free)
+        zero, free = self._asked.lane.graph.constant(0.0), set(self.tapes.problem.free)
         rows = []
         for before, now in zip(self._asked.before, self._asked.now, strict=True):
             both = {
@@ -86,14 +86,14 @@ class Judging:
         for one in sums:
             row = row.max(one)
         change = squares.min(largest * row).sqrt()
-        tape = self.follower.judged_tape(lane, change)
+        tape = self.tapes.judged_tape(lane, change)
         return Tape(tape.nodes, tape.outputs[:-1], lane.inputs + self.states)
 
     def source(self, arrays: tuple[str, str, str]) -> Callable[[int], str]:
         """Text of an input of ``first`` and ``last``: of state, parameters or sums, by array."""
         state, parameters, sums = arrays
-        states = self.follower.states
-        begin = states + 2 * self.follower.problem.prescribed + 1
+        states = self.tapes.states
+        begin = states + 2 * self.tapes.problem.prescribed + 1
 
         def text(k: int) -> str:
             if k < states:

@@ -20,12 +20,13 @@ from closedchain.closure.mechanism import Mechanism
 from closedchain.closure.position import driven, posed
 from closedchain.closure.solve.control import Precision
 from closedchain.closure.solve.outcome import Ending
-from closedchain.closure.solve.path import Follower
 from closedchain.closure.solve.problem import problem_of
+from closedchain.closure.solve.step_tapes import StepTapes
 from closedchain.closure.tape.elimination import parity
 from closedchain.closure.tape.expression import Expr, Tape
 from closedchain.closure.tape.rates import physical_rates
 from closedchain.closure.tape.rows import Entries, Kinematics, kinematics
+from closedchain.closure.tape.slopes import slopes_of_product
 from closedchain.urdf.description import OUTPUTS
 
 ENDINGS = (
@@ -84,25 +85,25 @@ class Program:
     # -- the ways ----------------------------------------------------------------------------------
 
     @cached_property
-    def direct(self) -> Follower | None:
+    def direct(self) -> StepTapes | None:
         """The direct position problem; None without inputs."""
         if not self.mechanism.inputs:
             return None
-        return Follower(driven(self.mechanism), self.precision)
+        return StepTapes(driven(self.mechanism), self.precision)
 
     @cached_property
-    def inverse(self) -> Follower | None:
+    def inverse(self) -> StepTapes | None:
         """The inverse position problem; None without a task."""
         if not self.outputs:
             return None
-        return Follower(posed(self.mechanism, self.outputs), self.precision)
+        return StepTapes(posed(self.mechanism, self.outputs), self.precision)
 
     @property
-    def ways(self) -> Iterator[tuple[str, Follower]]:
+    def ways(self) -> Iterator[tuple[str, StepTapes]]:
         """Those that there are, by name."""
-        for name, follower in (("direct", self.direct), ("inverse", self.inverse)):
-            if follower is not None:
-                yield name, follower
+        for name, tapes in (("direct", self.direct), ("inverse", self.inverse)):
+            if tapes is not None:
+                yield name, tapes
 
     @property
     def measured(self) -> bool:
@@ -110,9 +111,9 @@ class Program:
         return self.direct is not None and self.inverse is not None
 
     @cached_property
-    def closures(self) -> Follower:
+    def closures(self) -> StepTapes:
         """The closures alone, with nothing prescribed: to check a posture."""
-        return Follower(problem_of(self.mechanism), self.precision)
+        return StepTapes(problem_of(self.mechanism), self.precision)
 
     # -- what a posture is -------------------------------------------------------------------------
 
@@ -154,6 +155,21 @@ class Program:
         ]
         tape = k.graph.tape([entry for _, entry in places], self.mechanism.model.nq)
         return Matrices(tape, tuple(place for place, _ in places), len(rates))
+
+    @cached_property
+    def closure_values(self) -> Tape:
+        """From q to the closure rows, dimensionless."""
+        k = kinematics(self.mechanism)
+        return k.graph.tape(k.closures.values, self.mechanism.model.nq)
+
+    @cached_property
+    def slopes(self) -> Tape:
+        """From q, left and right to the slopes of left^T [K; J] right along motions.
+
+        Floating joints move along the axes of the frame that they float in, as in ``matrices``.
+        """
+        k = kinematics(self.mechanism)
+        return slopes_of_product(k, [*k.closures.entries, *self._task(k)], own=False)
 
     def _task(self, k: Kinematics) -> list[Entries]:
         if not self.outputs:

@@ -127,6 +127,13 @@ def postures(
     ------
     ClosureError
         More than one thing held; inputs, joints or outputs that are unknown or missing.
+
+    Examples
+    --------
+    >>> m = cc.load("linear_delta")
+    >>> modes = cc.postures(m, inputs=m.input_values(m.home), count=False)
+    >>> [round(float(m.point(q, "P")[2]), 3) for q in modes.q]  # the platform hangs, or stands [m]
+    [-0.6, 0.317]
     """
     question = _question(mechanism, inputs, pose, fixed, outputs)
     asked = Search(starts, seed, None if seconds is None else time.monotonic() + seconds, progress)
@@ -290,6 +297,7 @@ def _result(
             f"Proofs are of the independent rows; the {others} others hold there by the geometry."
         )
     return Postures(
+        mechanism=m,
         q=q,
         names=_names(m, q, branch),
         complete=complete,

@@ -22,6 +22,7 @@ from closedchain.closure.solve.newton import Rows
 AWAY = 0.2  # dimensionless: to postures at which the dimension is measured
 NEAR = 0.01  # dimensionless: to those that measure it
 PLACES = 10
+FURTHER = 4  # places beside one of them
 FARTHEST = 1.5  # times the step: what closes farther away may lie on another branch
 SPANNED = 0.02  # share of the largest spread that may be a direction of the set
 KEPT = 0.5  # share of a step along the set that is left when it is closed
@@ -58,8 +59,23 @@ def dimensions(equations: HeldEquations, q: np.ndarray) -> tuple[int, ...]:
     tangent = _tangent(equations, q)
     directions = rng.standard_normal((PLACES, tangent.shape[1])) @ tangent.T
     _, places = _closed(equations, q, directions, AWAY)
-    found = {_dimension(equations, place, rng) for place in places}
+    found = {_measured(equations, place, rng) for place in places}
     return tuple(sorted(found, reverse=True)) or (0,)
+
+
+def _measured(equations: HeldEquations, q: np.ndarray, rng: np.random.Generator) -> int:
+    """Dimension of the branch through a place, measured where fewer directions promise more.
+
+    The place may be special still, as where one of two flat linkages has opened.
+    """
+    tangent = _tangent(equations, q)
+    found = _dimension(equations, q, rng)
+    if found == tangent.shape[1]:
+        return found
+    directions = rng.standard_normal((FURTHER, tangent.shape[1])) @ tangent.T
+    _, places = _closed(equations, q, directions, AWAY)
+    plainer = [p for p in places if _tangent(equations, p).shape[1] < tangent.shape[1]]
+    return max([found, *(_measured(equations, place, rng) for place in plainer)])
 
 
 def _dimension(equations: HeldEquations, q: np.ndarray, rng: np.random.Generator) -> int:

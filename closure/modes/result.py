@@ -9,6 +9,9 @@ from typing import Any
 import numpy as np
 
 from closedchain.closure.mechanism import Mechanism
+from closedchain.closure.modes.connections.connected import Connections
+from closedchain.closure.modes.connections.connecting import Modes, Progress, connections_of
+from closedchain.closure.modes.connections.window import Over
 from closedchain.closure.solution import Solution
 
 
@@ -68,8 +71,18 @@ class Postures:
     target_pose : tuple of float
         x y z qx qy qz qw of the tip where its pose is held, and ``outputs`` that count.
     notes : tuple of str
+
+    Examples
+    --------
+    >>> m = cc.load("linear_delta")
+    >>> found = cc.postures(m, pose=m.pose(m.home), count=False)
+    >>> found.complete, len(found)  # each leg has two working modes
+    ('searched', 8)
+    >>> "home" in found.names, found[0].converged
+    (True, True)
     """
 
+    mechanism: Mechanism
     q: np.ndarray
     names: tuple[str, ...]
     complete: str
@@ -128,6 +141,61 @@ class Postures:
             branch=int(self.branch[i]) or None,
             beyond_limits=beyond,
         )
+
+    def connections(
+        self,
+        over: Over,
+        *,
+        resolution: int | Mapping[str, int] | None = None,
+        limits: bool = True,
+        progress: Progress | None = None,
+    ) -> Connections:
+        """Which of these modes are joined without a singularity in a slice, and which meet at one.
+
+        What is held varies in some coordinates. All postures that the modes lead to over a grid
+        are followed; a mode that comes back to its coordinates as another one, as round a cusp, is
+        joined with it, and the way is kept. Meetings are sought along straight ways.
+
+        Parameters
+        ----------
+        over : mapping of coordinate to (lowest, highest) [m or rad], or names of coordinates
+            One to three of those that are held: inputs, joints, or x y z rx ry rz tilt azimuth of
+            the tip. Without ranges (or where one is None) angles of joints vary by a whole turn,
+            other coordinates by a characteristic length or a radian both ways, or more until every
+            mode meets a singularity, within limits.
+        resolution : int or mapping of coordinate to int, optional
+            Cells along each coordinate; 400, 60 or 16 for one, two or three of them.
+        limits : bool
+            Whether joints must stay within their limits.
+        progress : callable, optional
+            Gets (what, done, total); the total is 0 where it is not known.
+
+        Returns
+        -------
+        Connections
+
+        Raises
+        ------
+        ClosureError
+            Coordinates that are not held, ranges without the modes' values, postures that are not
+            isolated, or none that can be followed.
+        """
+        model = self.mechanism.model
+        driven = {
+            int(v): n for v, n in zip(self.mechanism.input_v, self.mechanism.inputs, strict=True)
+        }
+        held = (model.joints[model.getJointId(name)].idx_v for name in self.pinned)
+        joints = zip(held, self.pinned, strict=True)
+        modes = Modes(
+            mechanism=self.mechanism,
+            q=self.q,
+            names=self.names,
+            held=self.held,
+            coordinates=tuple(driven.get(v, name) for v, name in joints),
+            outputs=self.outputs,
+            beyond_limits=self.beyond_limits,
+        )
+        return connections_of(modes, over, resolution=resolution, limits=limits, progress=progress)
 
     def certificate(self, mechanism: Mechanism) -> dict[str, Any]:
         """What is proved, for a checker that shares nothing with us: plain numbers and names.

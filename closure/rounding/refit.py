@@ -27,9 +27,9 @@ DAMPING = 3.0
 
 ENOUGH = 3  # steps in vain
 MOST = 0.7  # share of the postures that have to settle again
-EXACT, GOOD = 2e-14, 2e-13
-"""Largest dimensionless row that is sought at the postures that numbers are fitted to, and that is
-good enough at others: well below what counts as closed."""
+EXACT, GOOD, FAIR = 2e-14, 2e-13, 5e-13
+"""Largest dimensionless row that is sought at the postures that numbers are fitted to, below which
+slow progress is no longer worth a step, and that is accepted: below what counts as closed."""
 
 Build = Callable[[Description], Mechanism]
 
@@ -92,7 +92,7 @@ def refit(
         fresh = spread(equations, start, movable.rank, movable.tolerance, POSTURES, seed)
         if not fresh:
             return None
-        if _worst(fresh) < GOOD:
+        if _worst(fresh) < FAIR:
             return mechanism
         postures = [spot.q for spot in (*found.spots, *fresh)]
     return None
@@ -126,7 +126,7 @@ def _descended(
         size = float(np.linalg.norm(step))
         stalled = ENOUGH if here.worst < GOOD and there.worst > 0.5 * here.worst else 0
         here = there
-    return here if here.worst < GOOD else None
+    return here if here.worst < FAIR else None
 
 
 def _step(movable: Movable, here: _State, scale: np.ndarray, damping: float) -> np.ndarray:

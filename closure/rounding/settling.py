@@ -79,8 +79,10 @@ def spread(
 ) -> list[Settled]:
     """The start, then ``count`` postures along the motions away from it, settled; the same always.
 
-    Postures whose rows stay open by more than the dimensionless ``tolerance`` are left out. Empty
-    where the start does not settle.
+    Postures whose rows stay open by more than the dimensionless ``tolerance`` are left out, and
+    where there are enough others those that are so special that rows hold to the tolerance though
+    no motion leads there: the square of a small singular value is what they miss. Empty where the
+    start does not settle.
     """
     first = settled(equations, start, rank)
     if first is None or first.open > tolerance:
@@ -97,4 +99,5 @@ def spread(
         near = settled(equations, equations.move(base.q, along), rank)
         if near is not None and near.open <= tolerance:
             found.append(near)
-    return found
+    plain = [spot for spot in found[1:] if not rank or spot.values[rank - 1] > np.sqrt(tolerance)]
+    return [first, *plain] if 2 * len(plain) > count else found

@@ -22,7 +22,8 @@ from closedchain.closure.rounding.parts import Part, parts_of
 from closedchain.closure.rounding.refit import POSTURES, Build, Movable, refit
 from closedchain.closure.rounding.report import Change, Rounding, together
 from closedchain.closure.rounding.settling import Settled, spread
-from closedchain.closure.solve.descend import descend
+from closedchain.closure.solve.descend import Descent, descend
+from closedchain.closure.solve.leaving import left
 from closedchain.closure.solve.newton import largest
 from closedchain.closure.solve.starts import scattered, turned
 from closedchain.urdf.digits import Number, default_tolerance, numbers, with_numbers
@@ -116,9 +117,20 @@ def _nearly_closed(asked: _Question) -> np.ndarray | None:
         return home
     for start in (*scattered(alone, home, free), *turned(alone, home, free)):
         near = descend(equations, start, floor=asked.share)
-        if _near_enough(asked, alone, near.q, near.values / equations.row_scale):
+        if _closed_enough(asked, near):
             return near.q
     return None
+
+
+def _closed_enough(asked: _Question, near: Descent) -> bool:
+    equations = asked.equations
+    return _near_enough(asked, equations.mechanism, near.q, near.values / equations.row_scale)
+
+
+def _independent(matrix: np.ndarray, share: float) -> int:
+    """How many rows of a matrix rounding cannot make dependent."""
+    s = np.linalg.svd(matrix, compute_uv=False)
+    return int((s > share * max(1.0, s.max(initial=0.0))).sum())
 
 
 def _near_enough(asked: _Question, alone: Mechanism, q: np.ndarray, rows: np.ndarray) -> bool:
@@ -129,11 +141,18 @@ def _along(asked: _Question, start: np.ndarray) -> Iterator[tuple[list[Settled],
     """Postures along the motions for one rank after the other, from the least that may be."""
     equations, share = asked.equations, asked.share
     values, matrix = equations.evaluate(start)
-    s = np.linalg.svd(matrix, compute_uv=False)
-    rank = int((s > share * max(1.0, s.max(initial=0.0))).sum())
-    tried = 0
+    rank = _independent(matrix, share)
+    tried, special = 0, True
     while rank < values.size and rank <= equations.free.size and tried < _RANKS:
         spots = spread(equations, start, rank, share, POSTURES)
+        if special and len(spots) < POSTURES // 2 and rank < equations.free.size:
+            # closed to the first order in directions in which nothing moves, as where a linkage
+            # lies flat: what it is shows elsewhere
+            special = False
+            away = left(equations, start, lambda near: _closed_enough(asked, near), share)
+            if away is not None:
+                start, rank = away, _independent(equations.evaluate(away)[1], share)
+                continue
         higher = max((_count(spot, share) for spot in spots), default=rank)
         if higher > rank:  # the start is special: elsewhere more rows are independent
             rank = higher

@@ -26,9 +26,17 @@ HEALTHY = 1e-2
 
 def healthy(problem: Problem, q: np.ndarray) -> bool:
     """Whether the Jacobian of all rows is well away from losing rank at a posture (nq,)."""
+    return least_share(problem, q) > HEALTHY
+
+
+def least_share(problem: Problem, q: np.ndarray) -> float:
+    """Least singular value of the Jacobian of all rows at ``q`` (nq,), as a share of the largest.
+
+    Of those that count for the rank; 1 where there are no rows.
+    """
     s = np.linalg.svd(problem.jacobian_at(q), compute_uv=False)
     rank = len(problem.kept)
-    return bool(rank == 0 or s[rank - 1] > HEALTHY * s[0])
+    return float(s[rank - 1] / s[0]) if rank and s[0] > 0.0 else float(rank == 0)
 
 
 @dataclass(frozen=True, eq=False)

@@ -58,7 +58,7 @@ class Hops:
         self.targets = np.ascontiguousarray(targets.T)
         self.q = np.ascontiguousarray(q.T)
         self.det = np.zeros(len(q))
-        self.memory = np.zeros((self.follower.memory, len(q)))
+        self.memory = np.zeros((self.follower.tapes.memory, len(q)))
 
     @cached_property
     def follower(self) -> Follower:
@@ -144,7 +144,7 @@ class Hops:
             evaluations=rest["evaluations"].astype(int),
             started=rest["reached"] >= 0.0,
         )
-        return Hop(way, state[first : first + self.follower.memory])
+        return Hop(way, state[first : first + self.follower.tapes.memory])
 
     def _ahead(self, q: np.ndarray, behind: np.ndarray) -> np.ndarray:
         """Postures (nq, n) that solved cells extrapolate to, through three where they are there."""
@@ -173,9 +173,9 @@ class Hops:
     ) -> tuple[np.ndarray, np.ndarray]:
         """State and parameters of the loop for ways of cells (n,), good ones, between targets."""
         q, det, nq = self.q[:, begin], self.det[begin], len(self.q)
-        state = np.empty((self.follower.states, begin.size))
+        state = np.empty((self.follower.tapes.states, begin.size))
         state[:nq], state[nq : 2 * nq] = q, q
-        first, memory = 2 * nq + len(STATE), self.follower.memory
+        first, memory = 2 * nq + len(STATE), self.follower.tapes.memory
         state[2 * nq : first] = FRESH[:, None]
         state[first : first + memory] = state[first + memory :] = self.memory[:, begin]
         rest = dict(zip(STATE, state[2 * nq :], strict=False))

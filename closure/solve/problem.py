@@ -176,6 +176,10 @@ class Problem:
         whole = np.vstack(parts) * m.column_scale / self.units[:, None]
         return np.asarray(whole[:, list(self.free)])
 
+    def determinant_at(self, q: np.ndarray) -> float:
+        """Determinant of the kept rows of ``jacobian_at(q)``, which have to be square."""
+        return float(np.linalg.det(self.jacobian_at(q)[list(self.kept)]))
+
     def elimination(self, graph: Graph, rows: Rows, samples: np.ndarray) -> Elimination:
         """Elimination of the kept rows in the free coordinates; inputs of the graph as sampled."""
         entries = [rows.entries[r] for r in self.kept]
@@ -195,6 +199,20 @@ class Problem:
     def sided(self) -> bool:
         """Whether a determinant's sign tells sides apart: all rows kept, as many as unknowns."""
         return self.square and not self.redundant
+
+    @cached_property
+    def signed(self) -> bool:
+        """Whether the sign of the kept rows' determinant can only change at a singularity.
+
+        It can where all rows are kept, or the others are the same combinations of these everywhere,
+        as those of planar loops out of their plane: then all samples beside each other have no more
+        rank than one.
+        """
+        if self.sided or not self.square:
+            return self.sided
+        every = np.hstack(list(self.sampled_jacobians))
+        values = np.linalg.svd(every, compute_uv=False)
+        return int((values > DEPENDENT * values[0]).sum()) == len(self.kept)
 
 
 def problem_of(

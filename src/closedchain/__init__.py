@@ -17,6 +17,7 @@ from closedchain.closure import (
     residual,
 )
 from closedchain.closure.files import load_file
+from closedchain.closure.showing import register as _register
 from closedchain.robots import load, robots
 from closedchain.urdf.errors import ClosedChainError, ClosureError, DescriptionError
 
@@ -55,6 +56,7 @@ if TYPE_CHECKING:
         follow,
     )
     from closedchain.analysis.motion.follow.task_path import TaskPath, read_task_path, task_path
+    from closedchain.analysis.motion.joint_positions import JointPositions, joint_positions
     from closedchain.analysis.motion.self_motion.motion import SelfMotion, self_motion
     from closedchain.analysis.motion.track.stops import Stop
     from closedchain.analysis.motion.track.tracking import Track, track
@@ -112,6 +114,7 @@ _LATER = {
     "analysis.structure.dependence": "Dependence dependence",
     "analysis.motion.follow": "Comparison ComparisonRow Follow compare follow",
     "analysis.motion.follow.task_path": "TaskPath read_task_path task_path",
+    "analysis.motion.joint_positions": "JointPositions joint_positions",
     "analysis.screws.hessian": "Hessian hessian",
     "analysis.screws.legs": "LegVelocity leg_velocity",
     "analysis.structure.loops": "LoopGraph loops",
@@ -132,6 +135,16 @@ _LATER = {
     "analysis.velocity": "Velocity velocity",
 }
 _MODULES = {name: module for module, names in _LATER.items() for name in names.split()}
+
+
+def _show(mechanism: Mechanism, q: Any = None, **options: Any) -> Any:
+    """What ``Mechanism.show`` does: drawing is imported when it is first asked for."""
+    from closedchain.robots.embedding import show
+
+    return show(mechanism, q, **options)
+
+
+_register(_show)
 
 
 def __getattr__(name: str) -> Any:
@@ -164,6 +177,7 @@ __all__ = [
     "Hessian",
     "InputDynamics",
     "InverseDynamics",
+    "JointPositions",
     "LegVelocity",
     "LoopGraph",
     "Mechanism",
@@ -211,6 +225,7 @@ __all__ = [
     "input_efforts",
     "inverse",
     "inverse_dynamics",
+    "joint_positions",
     "largest_compliance",
     "leg_velocity",
     "load",

@@ -19,30 +19,38 @@ if TYPE_CHECKING:
     from closedchain.closure import Mechanism, Solution
 
 _WIDTH = 100  # of lines of prose
+_HEADINGS = {
+    "papers": "Robots of papers, with closed forms of their own (--json names the papers):",
+    "classics": "Classics, each with numbers that are settled (docs/robots/classics.md):",
+}
 
 
 def catalogue(json: bool) -> None:
-    """Robots of the catalogue."""
-    from closedchain.robots import robot, robots
+    """Robots of the catalogue, group by group."""
+    from closedchain.robots import groups, robot, robots
 
-    entries = [robot(name) for name in robots()]
+    entries = {group: [robot(name) for name in robots(group)] for group in groups()}
     if json:
         print_json(
             [
                 {
                     "name": entry.name,
+                    "group": group,
                     "title": entry.title,
                     "source": entry.source,
                     "variants": list(entry.variants),
                 }
-                for entry in entries
+                for group, found in entries.items()
+                for entry in found
             ]
         )
         return
-    table(
-        ("robot", "title", "source", "variants"),
-        [(e.name, e.title, e.source, " ".join(e.variants)) for e in entries],
-    )
+    for i, (group, found) in enumerate(entries.items()):
+        say(("\n" if i else "") + _HEADINGS[group])
+        table(
+            ("robot", "what it is", "variants"),
+            [(e.name, e.title, " ".join(e.variants)) for e in found],
+        )
 
 
 def members(name: str, json: bool) -> None:
@@ -68,11 +76,16 @@ def info(mechanism: Mechanism, json: bool) -> None:
     import closedchain as cc
 
     counted = None if mechanism.home_open else cc.mobility(mechanism)
+    around = () if counted is None else counted.finite_at(mechanism.home)
     relaxed = cc.relaxation(mechanism) if counted and counted.redundant_rows else None
     data = _info_data(mechanism)
     if json:
         print_json(
-            {**data, "mobility": _mobility_data(counted), "relaxation": _relaxation_data(relaxed)}
+            {
+                **data,
+                "mobility": _mobility_data(counted, around),
+                "relaxation": _relaxation_data(relaxed),
+            }
         )
         return
     task = mechanism.task
@@ -83,6 +96,7 @@ def info(mechanism: Mechanism, json: bool) -> None:
         "characteristic length [m]": mechanism.length,
         "task": "none" if task is None else f"{task.tip} against {task.base}",
         "outputs": "none" if task is None else task.outputs,
+        "mass that moves [kg]": data["mass"] or "none is stated",
     }
     if data["tip"]:
         facts["tip at home, xyz [m]"] = _tidy(data["tip"]["xyz"])
@@ -110,17 +124,32 @@ def info(mechanism: Mechanism, json: bool) -> None:
         )
     else:
         say(f"\n{counted.text}")
+        if max(around) < counted.mobility:
+            say(textwrap.fill(_fewer(around), _WIDTH))
     if relaxed is not None:
         say(textwrap.fill(relaxed.text, _WIDTH))
     for note in mechanism.notes:
         say(textwrap.fill(f"note: {note}", _WIDTH, subsequent_indent="  "))
 
 
-def _mobility_data(counted: Mobility | None) -> dict[str, Any] | None:
+def _fewer(around: tuple[int, ...]) -> str:
+    """What to say of postures that form a smaller set than the rank promises."""
+    branches = " and of ".join(f"dimension {dimension}" for dimension in around)
+    return (
+        "Not all of that is motion: the rank knows the first order only. The postures around home "
+        f"form {'sets' if len(around) > 1 else 'a set'} of {branches}."
+    )
+
+
+def _mobility_data(counted: Mobility | None, around: tuple[int, ...]) -> dict[str, Any] | None:
     if counted is None:
         return None
     numbers = {key: value for key, value in vars(counted).items() if key != "rank"}
-    return {**numbers, "rank": {"value": counted.rank.value, **_gap(counted.rank)}}
+    return {
+        **numbers,
+        "finite": around,
+        "rank": {"value": counted.rank.value, **_gap(counted.rank)},
+    }
 
 
 def _relaxation_data(found: Relaxation | None) -> dict[str, Any] | None:
@@ -152,6 +181,7 @@ def _info_data(mechanism: Mechanism) -> dict[str, Any]:
         "nv": mechanism.model.nv,
         "rows": mechanism.rows,
         "length": mechanism.length,
+        "mass": float(sum(inertia.mass for inertia in list(mechanism.model.inertias)[1:])),
         "task": None if task is None else vars(task),
         "tip": tip(mechanism, mechanism.home),
         "inputs": [

@@ -7,6 +7,7 @@ command line that cannot be parsed.
 from __future__ import annotations
 
 import re
+import socket
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -18,6 +19,7 @@ from closedchain import _reports as reports
 from closedchain._closed_forms_command import closed_forms
 from closedchain._export_command import export
 from closedchain._follow_command import follow
+from closedchain._joints_command import joints
 from closedchain._options import (
     At,
     Json,
@@ -217,29 +219,38 @@ def view(
     up: Annotated[
         str | None, typer.Option(metavar="x|y|z", help="World axis that points up.")
     ] = None,
+    no_modes: Annotated[
+        bool, typer.Option("--no-modes", help="Do not search other assembly modes to go to.")
+    ] = False,
     mode: Mode = None,
     settings: Settings = None,
     variant: Variant = None,
     no_xacro: NoXacro = False,
 ) -> None:
     """Show a robot in a browser, or write it as a page: sliders move it, its loops stay closed."""
-    from closedchain.robots.viewer import serve, static_page
+    from closedchain._modes import searched_modes
+    from closedchain.robots.viewer import Controls, Served, static_page
 
     upwards = arguments.up_axis(robot, up)
     mechanism = _load(robot, settings, variant, no_xacro)
     for note in reports.undrawn(mechanism):
         remark(note)
+    if html is None:
+        _refuse_taken(port)
     q = _posture(mechanism, values, mode)
+    modes = {} if no_modes else searched_modes(mechanism, q)
+    page = static_page(mechanism, q, up=upwards, controls=Controls(modes=modes))
     if html is not None:
-        html.write_text(static_page(mechanism, q, up=upwards, controls=True), encoding="utf-8")
+        html.write_text(page, encoding="utf-8")
         say(str(html))
         if open_browser:
             typer.launch(html.absolute().as_uri())
         return
-    shown = serve(mechanism, q, up=upwards, open_browser=open_browser, controls=True, port=port)
-    with shown as page:
-        say(f"{page.url}  (Ctrl-C ends)")
-        page.wait()
+    with Served(page, port) as served:
+        say(f"{served.url}  (Ctrl-C ends)")
+        if open_browser:
+            typer.launch(served.url)
+        served.wait()
 
 
 @app.command()
@@ -350,10 +361,24 @@ app.command()(reads_a_file(follow))
 app.command()(reads_a_file(closed_forms))
 app.command()(reads_a_file(export))
 app.command()(reads_a_file(postures))
+app.command()(reads_a_file(joints))
 app.command()(reads_a_file(statics))
 app.command()(reads_a_file(simulate))
 app.command()(reads_a_file(resets))
 app.command()(reads_a_file(transmission))
+
+
+def _refuse_taken(port: int) -> None:
+    """End where a port of this machine is taken, before any work."""
+    with socket.socket() as one:
+        one.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # as the server does
+        try:
+            one.bind(("127.0.0.1", port))
+        except OSError as error:
+            fail(
+                f"port {port} cannot be served at ({error.strerror}): choose another with --port, "
+                "or leave it out for a free one"
+            )
 
 
 def _load(robot: str, settings: list[str] | None, variant: str | None, no_xacro: bool) -> Mechanism:

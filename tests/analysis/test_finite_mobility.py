@@ -45,7 +45,7 @@ def test_wren_moves_in_two_ways_and_in_one(wren: cc.Mechanism) -> None:
         assert found.finite_at(q) == dimensions
 
 
-@pytest.mark.parametrize("robot", cc.robots())
+@pytest.mark.parametrize("robot", cc.robots("papers"))
 def test_robots_move_as_their_rank_says(robot: str) -> None:
     found = cc.mobility(cc.load(robot))
     assert found.finite == found.mobility

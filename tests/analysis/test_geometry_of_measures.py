@@ -88,7 +88,7 @@ def test_no_cut_of_a_stewart_platform_changes_anything() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("robot", cc.robots())
+@pytest.mark.parametrize("robot", cc.robots("papers"))
 def test_no_cut_of_a_robot_changes_anything(robot: str) -> None:
     m = cc.load(robot)
     postures = closed_samples(m)[:POSTURES]

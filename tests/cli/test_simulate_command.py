@@ -49,7 +49,7 @@ def test_the_limit_that_ends_it_is_said_once(tmp_path: Path) -> None:
 def test_wrong_words_are_one_line(tmp_path: Path) -> None:
     out = ["--out", str(tmp_path)]
     for words in (
-        ["linear_delta", *out],  # no masses
+        ["linear_delta", "--set", "density=0", *out],  # no masses
         ["linear_delta", "--density", "0", *out],
         ["linear_delta", "--density", "2700", "--until", "0", *out],
         ["linear_delta", "--density", "2700", "--effort", "nobody=1", *out],

@@ -55,22 +55,88 @@ def test_a_turned_box_and_a_ball_beside_it() -> None:
     assert inertial_of([Shape("mesh", (1.0, 1.0, 1.0))], 1000.0) is None
 
 
-@pytest.mark.parametrize("name", cc.robots())
+@pytest.mark.parametrize("name", cc.robots("papers"))
 def test_robots_get_masses_and_nothing_else(name: str) -> None:
+    """By the parameter ``density``, and the same by ``with_inertias`` of a robot without masses."""
     m = cc.load(name)
-    heavy = cc.with_inertias(m)
-    assert_close(heavy.home, m.home, 0.0)
+    bare = cc.load(name, density=0)
+    assert not sum(i.mass for i in bare.model.inertias)
+    assert bare.notes == ()
+    assert "2700" in m.notes[0]
+    assert_close(bare.home, m.home, 0.0)
+    assert bare.length == m.length
+    assert sum(i.mass for i in list(m.model.inertias)[1:]) > 0.1
+    heavy = cc.with_inertias(bare)
     assert heavy.inputs == m.inputs
-    assert sum(i.mass for i in heavy.model.inertias) > 0.1
-    assert "2700" in heavy.notes[-1]
+    assert heavy.notes == m.notes
     again = cc.load_urdf(heavy.description.text, xacro=False)
-    for one, two in zip(heavy.model.inertias, again.model.inertias, strict=True):
-        assert one.isApprox(two, 1e-12)
+    written = cc.load_urdf(cc.export(m, "urdf")[0], xacro=False)
     twice = cc.with_inertias(m, 5400.0)
-    assert_close(twice.model.inertias[1].mass, 2 * heavy.model.inertias[1].mass, 1e-12)
+    assert twice.notes == (m.notes[0].replace("2700", "5400"),)
+    for i, own in enumerate(m.model.inertias):
+        for other in (heavy, again, written):
+            assert own.isApprox(other.model.inertias[i], 1e-12)
+        assert_close(twice.model.inertias[i].mass, 2 * own.mass, 1e-12)
     if name != "d1":  # home of D1 is regular for its inputs as well
         return
-    assert_close(cc.statics(twice, m.home).inputs, 2 * cc.statics(heavy, m.home).inputs, 1e-9)
+    assert_close(cc.statics(twice, m.home).inputs, 2 * cc.statics(m, m.home).inputs, 1e-9)
+
+
+def test_a_rod_of_the_linear_delta_by_hand() -> None:
+    """A block of 1.4 w x 1.4 w x 0.5 m below its hinge, w = 0.0075 m, of steel."""
+    m = cc.load("linear_delta", density=7850)
+    side, rod = 1.4 * 0.015 * 0.5, 0.5
+    mass = 7850 * side**2 * rod
+    found = m.model.inertias[m.model.getJointId("leg1_D")]
+    assert abs(found.mass - mass) < 1e-12
+    assert_close(found.lever, [0.0, 0.0, -rod / 2], 1e-15)
+    across, along = mass * (side**2 + rod**2) / 12, mass * side**2 / 6
+    assert_close(found.inertia, np.diag([across, across, along]), 1e-15)
+
+
+def shape(geometry: str, material: str) -> str:
+    return f"<visual><geometry><{geometry}/></geometry><material {material}/></visual>"
+
+
+DENSE = f"""<robot name="dense">
+  <material name="steel" density="7850"><color rgba="1 1 1 1"/></material>
+  <link name="base">{shape('sphere radius="1"', 'name="steel"')}</link>
+  <link name="a">{shape('box size="0.1 0.2 0.3"', 'name="steel"')}
+    {shape('sphere radius="0.1"', 'name="own" density="1000"')}
+    {shape('sphere radius="5"', 'name="air"')}</link>
+  <link name="b"><inertial><mass value="3"/>
+    <inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>
+    {shape('sphere radius="0.1"', 'name="steel"')}</link>
+  <joint name="A" type="continuous"><parent link="base"/><child link="a"/></joint>
+  <joint name="B" type="continuous"><parent link="a"/><child link="b"/></joint></robot>"""
+
+
+def test_materials_of_a_file() -> None:
+    m = cc.load_urdf(DENSE, xacro=False)
+    ball = 4 / 3 * np.pi * 1e-3 * 1000
+    assert_close([i.mass for i in m.model.inertias], [0.0, 7850 * 0.006 + ball, 3.0], 1e-12)
+    assert m.notes == ("1 link has the mass of its shapes, solid at 1000, 7850 kg/m^3",)
+    one = cc.with_inertias(m, 1.0)  # what is stated stays, by whatever density
+    assert_close(one.model.inertias[1].mass, 0.006 + ball / 1000 + 4 / 3 * np.pi * 125, 1e-9)
+    assert one.model.inertias[2].mass == 3.0
+
+
+@pytest.mark.parametrize("format", ["mjcf", "sdf", "urdf+"])
+def test_other_formats_keep_the_masses(format: str) -> None:
+    m = cc.load("d1")
+    text, _ = cc.export(m, format)
+    back = cc.load_urdf(text, xacro=False) if format == "urdf+" else cc.load_file(text)
+    total = [sum(i.mass for i in list(x.model.inertias)[1:]) for x in (m, back)]
+    # MuJoCo's smallest masses stand for links without one
+    assert abs(total[0] - total[1]) < (0.05 if format == "mjcf" else 1e-9)
+
+
+def test_wrong_densities_are_refused() -> None:
+    for wrong, match in (("-1", "negative"), ("heavy", "number"), ("nan", "finite")):
+        with pytest.raises(cc.DescriptionError, match=match):
+            cc.load_urdf(DENSE.replace("7850", wrong), xacro=False)
+    with pytest.raises(cc.DescriptionError, match="negative"):
+        cc.load("d1", density=-1)
 
 
 def test_what_is_given_is_kept() -> None:

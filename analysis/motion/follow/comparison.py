@@ -41,6 +41,15 @@ class ComparisonRow:
     fastest : float
         Largest input speed in units of its own [m/s or rad/s].
     message : str
+
+    Examples
+    --------
+    >>> m = cc.load("d1")
+    >>> tips = m.point(m.home, "T") + np.outer([0.0, 0.5, 1.0], [0.0, -0.01, 0.0])
+    >>> table = cc.compare(m, ([0.0, 0.5, 1.0], tips), outputs="x y z rx rz", methods=["gradient"])
+    >>> row = table.row("q3 locked")
+    >>> list(row.locked), row.converged, row.smallest > 0.0
+    (['q3'], True, True)
     """
 
     name: str
@@ -57,7 +66,18 @@ class ComparisonRow:
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """Rows of a comparison, and the runs behind them in the same order."""
+    """Rows of a comparison, and the runs behind them in the same order.
+
+    Examples
+    --------
+    >>> m = cc.load("d1")
+    >>> tips = m.point(m.home, "T") + np.outer([0.0, 0.5, 1.0], [0.0, -0.01, 0.0])
+    >>> table = cc.compare(m, ([0.0, 0.5, 1.0], tips), outputs="x y z rx rz", methods=["gradient"])
+    >>> table.row("gradient").converged
+    True
+    >>> table.best_free >= table.best_locked
+    True
+    """
 
     rows: tuple[ComparisonRow, ...]
     follows: tuple[Follow, ...]
@@ -129,6 +149,14 @@ def compare(
     ------
     ClosureError
         As ``follow`` does, and where there is no freedom to compare locks of.
+
+    Examples
+    --------
+    >>> m = cc.load("d1")
+    >>> tips = m.point(m.home, "T") + np.outer([0.0, 0.5, 1.0], [0.0, -0.01, 0.0])
+    >>> table = cc.compare(m, ([0.0, 0.5, 1.0], tips), outputs="x y z rx rz", methods=["gradient"])
+    >>> [row.name for row in table.rows]
+    ['q1 locked', 'q2 locked', 'q3 locked', 'q4 locked', 'q5 locked', 'q6 locked', 'gradient']
     """
     names = mechanism.outputs(
         outputs if outputs is None or isinstance(outputs, str) else tuple(outputs)

@@ -101,6 +101,15 @@ def follow(
     ClosureError
         Malformed task, times, limits or start posture; unknown names; more inputs locked than
         there are freedoms beyond the outputs.
+
+    Examples
+    --------
+    >>> m = cc.load("d1")
+    >>> tips = m.point(m.home, "T") + np.outer([0.0, 0.5, 1.0], [0.0, -0.01, 0.0])
+    >>> task = [0.0, 0.5, 1.0], tips
+    >>> run = cc.follow(m, task, outputs="x y z rx rz", lock="q3")
+    >>> run.converged, float(np.ptp(run.inputs[:, 2]))  # the third leg stands still
+    (True, 0.0)
     """
     if method not in METHODS:
         raise ClosureError(known_names(str(method), "method", METHODS))

@@ -53,6 +53,16 @@ class Follow:
     locked : mapping of input to value
         Inputs that were locked [m or rad].
     objective, method : str
+
+    Examples
+    --------
+    >>> m = cc.load("d1")
+    >>> tips = m.point(m.home, "T") + np.outer([0.0, 0.5, 1.0], [0.0, -0.01, 0.0])
+    >>> run = cc.follow(m, ([0.0, 0.5, 1.0], tips), outputs="x y z rx rz")
+    >>> run.inputs.shape, bool(run.task_error.max() < 1e-12)
+    ((3, 6), True)
+    >>> run.smallest > 0.1  # least distance to a singularity on the way
+    True
     """
 
     times: np.ndarray

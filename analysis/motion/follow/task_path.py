@@ -33,6 +33,13 @@ class TaskPath:
     poses : tuple of pin.SE3
         Of the tip in the world. Components that are no outputs are not used.
     name : str
+
+    Examples
+    --------
+    >>> m = cc.load("linear_delta")
+    >>> task = cc.task_path(m, [0.0, 1.0], [[0.0, 0.0, -0.6], [0.05, 0.0, -0.6]])
+    >>> task.positions.shape, len(task.poses)
+    ((2, 3), 2)
     """
 
     times: np.ndarray
@@ -84,6 +91,14 @@ def task_path(
     ------
     ClosureError
         Malformed numbers, both axes and rotations, or axes for outputs without a tool axis.
+
+    Examples
+    --------
+    >>> m = cc.load("linear_delta")
+    >>> times = np.linspace(0.0, 1.0, 11)
+    >>> line = np.array([0.0, 0.0, -0.6]) + np.outer(times, [0.05, 0.0, 0.0])
+    >>> cc.follow(m, cc.task_path(m, times, line)).converged
+    True
     """
     places = _numbers(positions, "positions", (3,))
     instants = np.atleast_1d(np.asarray(times, dtype=float))
@@ -117,6 +132,16 @@ def read_task_path(
     ------
     ClosureError
         Missing columns, rows that are no numbers, or what ``task_path`` refuses.
+
+    Examples
+    --------
+    >>> m = cc.load("linear_delta")
+    >>> import pathlib, tempfile
+    >>> file = pathlib.Path(tempfile.mkdtemp(), "line.csv")
+    >>> rows = [[0.0, 0.0, 0.0, -0.6], [1.0, 0.05, 0.0, -0.6]]
+    >>> np.savetxt(file, rows, delimiter=",", header="t,x,y,z", comments="")
+    >>> cc.read_task_path(m, file).times.tolist()
+    [0.0, 1.0]
     """
     with Path(path).open(newline="") as file:
         reader = csv.DictReader(file)

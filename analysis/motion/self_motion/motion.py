@@ -85,6 +85,15 @@ def self_motion(
         Malformed or open posture, unknown names, no task; a posture that the task fixes, or whose
         freedom is infinitesimal only; more than one freedom left; a start beyond a joint limit,
         or, without ``through``, at a direct singularity.
+
+    Examples
+    --------
+    >>> m = cc.load("d1")
+    >>> s = cc.self_motion(m, m.home, "x y z rx rz")
+    >>> bool(np.ptp(s.inputs[:, :3], axis=0).min() > 0.1)  # the legs of the coupler move [m]
+    True
+    >>> bool(np.ptp(s.inputs[:, 3:], axis=0).max() < 1e-9)  # those of the platform rest
+    True
     """
     if not step > 0.0 or most < 2:
         raise ClosureError(f"step must be positive and most at least 2, got {step!r}, {most!r}")

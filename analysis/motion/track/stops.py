@@ -44,6 +44,13 @@ class Stop:
     ending : Ending
         The same in a word: FOLD at a singularity, STUCK at no singularity, CONTRADICTION, LOST;
         UNREACHED or SINGULAR_START at the first sample.
+
+    Examples
+    --------
+    >>> m = cc.load("linear_delta")
+    >>> t = cc.track(m, [[-0.15, -0.15, -0.15], [-0.15, -0.15, 0.9]])
+    >>> sorted(t.stop.kinds), 0.0 < t.stop.where < 1.0
+    (['direct'], True)
     """
 
     where: float

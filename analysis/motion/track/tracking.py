@@ -64,6 +64,14 @@ class Track:
     stop : Stop or None
         Why not all samples were reached; None also where ``until`` ended it.
     method : str
+
+    Examples
+    --------
+    >>> m = cc.load("linear_delta")
+    >>> times = np.linspace(0.0, 1.0, 21)
+    >>> t = cc.track(m, m.input_values(m.home) + np.outer(times, [0.05, 0.0, 0.0]), times=times)
+    >>> t.complete, t.q.shape, bool(t.residual.max() < 1e-12)
+    (True, (21, 16), True)
     """
 
     q: np.ndarray
@@ -203,6 +211,14 @@ def track(
     ------
     ClosureError
         Malformed path, times that do not rise, unknown names or method.
+
+    Examples
+    --------
+    >>> m = cc.load("linear_delta")
+    >>> sliders = np.linspace([-0.14, -0.14, -0.14], [-0.1, -0.2, -0.14], 5)
+    >>> poses = [m.pose(q) for q in cc.track(m, sliders).q]
+    >>> cc.track(m, poses[::-1]).complete  # back along the same poses of the tip
+    True
     """
     if method not in METHODS:
         raise ClosureError(known_names(str(method), "method", METHODS))

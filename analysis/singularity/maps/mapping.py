@@ -85,6 +85,14 @@ def singularity_map(
         Unknown coordinates, modes or outputs, values that do not rise or that no posture can have,
         a start or cells that cannot be reached, a map that does not fit into memory, a store that
         holds another map; measures that are none, or do not pickle where they have to.
+
+    Examples
+    --------
+    >>> m = cc.load("linear_delta")
+    >>> axis = np.linspace(-0.1, 0.1, 5)
+    >>> cells = cc.singularity_map(m, {"x": axis, "y": axis}, progress=False)
+    >>> dict(cells.sizes), bool((cells["status"] == 0).all())
+    ({'x': 5, 'y': 5}, True)
     """
     # not above: threads, JSON and the like would take a fifth of the time of ``import closedchain``
     from closedchain.analysis.progress import reporting

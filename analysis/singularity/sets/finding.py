@@ -69,6 +69,15 @@ def singularity_set(
     ClosureError
         Unknown kind, coordinates, mode or outputs, not two or three coordinates, values that do
         not rise or that no posture can have, a start that cannot be reached.
+
+    Examples
+    --------
+    >>> m = cc.load("d1")
+    >>> home, step = m.input_values(m.home), np.linspace(-0.1, 0.1, 7)
+    >>> over = {"q1": home[0] + step, "q4": home[3] + step}
+    >>> found = cc.singularity_set(m, "direct", over)
+    >>> found.dimension, bool(found.sigmas[:, 0].max() < 1e-10)
+    (1, True)
     """
     from closedchain.analysis.progress import reporting
 

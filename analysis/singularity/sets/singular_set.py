@@ -83,6 +83,16 @@ class SingularitySet:
     cusps, cusps_q : (n, k) and (n, nq) arrays
         Coordinates [m or rad] and postures where a curve of folds turns back and three postures
         meet; empty where they were not asked for, and for other kinds.
+
+    Examples
+    --------
+    >>> m = cc.load("eclipse")
+    >>> over = {"tilt": np.linspace(0.3, 1.5, 13), "azimuth": np.linspace(-np.pi, np.pi, 19)}
+    >>> found = cc.singularity_set(m, "direct", over)
+    >>> found.verdict, found.missed
+    ('curve', 0)
+    >>> round(float(np.degrees(found.coordinates[:, 0].min())), 1)  # least singular tilt
+    48.2
     """
 
     kind: str
