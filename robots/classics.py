@@ -56,7 +56,8 @@ CLASSICS = (
         "gough_stewart",
         "6-UPS, six driven legs",
         "V. E. Gough, 1956; D. Stewart, A platform with six degrees of freedom, 1965; "
-        "P. Dietmaier, The Stewart-Gough platform of general geometry can have 40 real postures, 1998",
+        "P. Dietmaier, The Stewart-Gough platform of general geometry can have 40 real postures, "
+        "1998",
         regular={},
         dietmaier=_DIETMAIER,
         # similar hexagons: rank 5 in every posture (O. Ma, J. Angeles, 1991)

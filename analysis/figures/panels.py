@@ -10,14 +10,20 @@ import numpy as np
 
 from closedchain.analysis.figures.palette import (
     BLANKS,
-    COLOURS,
+    COLOURED,
+    DASHES,
     GREY,
+    HATCHES,
+    MARKERS,
     Measure,
+    Scheme,
     axis_label,
+    blank_colour,
     colour_range,
     start_of,
     statuses_of,
 )
+from closedchain.analysis.figures.ticks import calm_ticks
 from closedchain.analysis.survey.set_tables import DrawableSet, polylines
 
 if TYPE_CHECKING:
@@ -37,7 +43,12 @@ def is_polar(names: Sequence[str], data: xr.Dataset) -> bool:
 
 
 def draw_panel(
-    ax: Axes, data: xr.Dataset, sets: Sequence[DrawableSet], name: str, measure: Measure
+    ax: Axes,
+    data: xr.Dataset,
+    sets: Sequence[DrawableSet],
+    name: str,
+    measure: Measure,
+    scheme: Scheme = COLOURED,
 ) -> None:
     """Fill the axes, polar ones for tilt and azimuth, with one variable of a map."""
     first, second = _order(ax, [str(d) for d in data["status"].dims])
@@ -45,16 +56,20 @@ def draw_panel(
     edges = _edges(x), _edges(y)
     cells = data.transpose(first, second)
     ax.grid(False)
-    _draw_blanks(ax, x, y, edges, cells)
+    _draw_blanks(ax, edges, cells, scheme)
     whole = [s for s in sets if s.everywhere and s.kind == measure.kind]
     values = cells[name].to_numpy()
     if whole:
         there = np.where(np.isfinite(values), 1.0, np.nan)
-        _fill(ax, edges, there, COLOURS[str(measure.kind)], alpha=0.35)
+        kind = str(measure.kind)
+        _fill(ax, edges, there, scheme.kinds[kind], alpha=0.35)
+        _hatch(ax, edges, np.isfinite(values), HATCHES[kind])
         ax.set_title(f"every posture is {measure.kind}ly singular", fontsize=10)
     else:
         shown, how, open_end = colour_range(values, measure.scale)
-        mesh = ax.pcolormesh(*edges, shown.T, cmap=measure.colours, rasterized=True, **how)
+        mesh = ax.pcolormesh(
+            *edges, shown.T, cmap=scheme.maps[measure.scale], rasterized=True, **how
+        )
         unit = data[name].attrs.get("units", "1")
         unit = "dimensionless" if unit == "1" else f"[{unit}]"
         # an inset is as high as the panel, whatever its aspect
@@ -65,7 +80,7 @@ def draw_panel(
         bar.ax.tick_params(labelsize=8)
         ax.set_title(name.replace("_", " "), fontsize=10)
     for found in sets:
-        draw_set(ax, found, [found.over.index(n) for n in (first, second)])
+        draw_set(ax, found, [found.over.index(n) for n in (first, second)], scheme)
     start = start_of(data)
     if start is not None:
         place = dict(zip(data["status"].dims, start[1], strict=True))
@@ -73,12 +88,16 @@ def draw_panel(
     _frame(ax, data, first, second)
 
 
-def draw_set(ax: Axes, found: DrawableSet, columns: Sequence[int]) -> None:
-    """Draw the polylines and points of a set; ``columns`` of its coordinates go to the axes."""
+def draw_set(
+    ax: Axes, found: DrawableSet, columns: Sequence[int], scheme: Scheme = COLOURED
+) -> None:
+    """Draw the polylines and points of a set; ``columns`` of its coordinates go to the axes.
+
+    What the branch reaches is drawn with a white seam, the rest thin and without.
+    """
     from matplotlib.collections import LineCollection
 
-    colour = COLOURS[found.kind]
-    shape = "D" if found.kind == "combined" else "o"
+    colour, dashes, shape = scheme.kinds[found.kind], DASHES[found.kind], MARKERS[found.kind]
     lines: dict[bool, list[np.ndarray]] = {True: [], False: []}
     for line, on_branch in polylines(found):
         at = found.coordinates[line][:, columns]
@@ -91,12 +110,17 @@ def draw_set(ax: Axes, found: DrawableSet, columns: Sequence[int]) -> None:
         LineCollection(lines[True], colors="white", linewidths=3.6, alpha=0.8, zorder=2.8)
     )
     ax.add_collection(
-        LineCollection(lines[True], colors=colour, linewidths=2.0, capstyle="round", zorder=3)
+        LineCollection(
+            lines[True],
+            colors=colour,
+            linewidths=2.0,
+            linestyles=[dashes],
+            zorder=3,
+            capstyle="butt" if found.kind != "direct" else "round",
+        )
     )
     ax.add_collection(
-        LineCollection(
-            lines[False], colors=colour, linewidths=1.0, linestyles=[(0, (4, 2))], zorder=2.5
-        )
+        LineCollection(lines[False], colors=colour, linewidths=0.8, linestyles=[dashes], zorder=2.5)
     )
 
 
@@ -136,24 +160,31 @@ def _fill(
 
 
 def _draw_blanks(
-    ax: Axes,
-    x: np.ndarray,
-    y: np.ndarray,
-    edges: tuple[np.ndarray, np.ndarray],
-    data: xr.Dataset,
+    ax: Axes, edges: tuple[np.ndarray, np.ndarray], data: xr.Dataset, scheme: Scheme
 ) -> None:
     status = data["status"].to_numpy()
     for name, code in statuses_of(data).items():
         where = status == code
         if name not in BLANKS or not where.any():
             continue
-        _fill(ax, edges, np.where(where, 1.0, np.nan), BLANKS[name].colour, alpha=1.0)
-        hatched = ax.contourf(
-            x, y, where.T.astype(float), levels=[0.5, 1.5], colors="none",
-            hatches=[BLANKS[name].hatch],
-        )  # fmt: skip
-        hatched.set_edgecolor("#999999")
-        hatched.set_linewidth(0.0)
+        _fill(ax, edges, np.where(where, 1.0, np.nan), blank_colour(name, scheme), alpha=1.0)
+        _hatch(ax, edges, where, BLANKS[name].hatch)
+
+
+def _hatch(ax: Axes, edges: tuple[np.ndarray, np.ndarray], where: np.ndarray, pattern: str) -> None:
+    """Hatch the cells that hold, all of each: one path round every run of cells in a column."""
+    from matplotlib.collections import PolyCollection
+
+    x, y = edges
+    boxes = []
+    for i, column in enumerate(where):
+        change = np.flatnonzero(np.diff(np.concatenate([[0], column, [0]]).astype(int)))
+        for begin, end in change.reshape(-1, 2):
+            low, high = y[begin], y[end]
+            boxes.append([(x[i], low), (x[i + 1], low), (x[i + 1], high), (x[i], high)])
+    hatched = PolyCollection(boxes, facecolors="none", edgecolors="#999999", linewidths=0.0)
+    hatched.set_hatch(pattern)
+    ax.add_collection(hatched, autolim=False)
 
 
 def _bar_place(
@@ -190,6 +221,7 @@ def _frame(ax: Axes, data: xr.Dataset, first: str, second: str) -> None:
         ylim=(y[0], y[-1]),
     )
     ax.set_aspect("auto" if _proportion(data, first, second) is None else "equal")
+    calm_ticks(ax)
     turns = [data[name].attrs.get("units") == "rad" for name in (first, second)]
     add_degrees(ax, x=turns[0], y=turns[1])
 
