@@ -10,6 +10,7 @@ from pathlib import Path
 
 from website import gallery, notebooks, pages, reference
 from website.navigation import navigation
+from website.offline import fetching_pages
 
 ROOT = Path(__file__).resolve().parents[1]
 BUILD = ROOT / "build"
@@ -42,7 +43,10 @@ def main() -> int:
         strict=True,
     )
     build(config)
-    print(f"open {BUILD / 'site' / 'index.html'}")
+    site = BUILD / "site"
+    if found := fetching_pages(site):
+        sys.exit("\n".join(found))
+    print(f"open {site / 'index.html'}; to search it, serve it: python -m http.server -d {site}")
     return 0
 
 

@@ -6,6 +6,8 @@ import re
 from pathlib import Path
 from typing import Any
 
+from website.reference import TOPICS
+
 START = "index tutorial glossary conventions"
 GUIDES = {
     "Describe a robot": "urdf real_files formats",
@@ -18,6 +20,7 @@ GUIDES = {
 REST = "Further"
 """Heading of guides that stand nowhere else."""
 THEORY = "theory structure tape"
+REFERENCE = [*(f"reference/{topic}" for topic in TOPICS), "reference/commands"]
 PROJECT = "architecture benchmarks contributing changelog"
 
 
@@ -42,7 +45,7 @@ def navigation(source: Path) -> list[Any]:
         {"Robots": inside("robots")},
         {"Notebooks": inside("notebooks")},
         {"Theory": [*pages(*THEORY.split()), {"The papers' equations": inside("papers")}]},
-        {"Reference": [*pages("reference"), *inside("reference")]},
+        {"Reference": pages("reference", *REFERENCE)},
         {"Project": pages(*PROJECT.split())},
     ]
     rest = sorted(there - placed, key=lambda name: title(source / f"{name}.md"))

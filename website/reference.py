@@ -116,10 +116,10 @@ def _first_sentence(name: str) -> str:
 
 def _commands() -> str:
     runner = CliRunner()
-    overview = runner.invoke(app, ["--help"]).stdout
+    overview = runner.invoke(app, ["--help"], prog_name="closedchain").stdout
     names = re.findall(r"^ *\W? *([a-z][a-z-]+) {2,}\S", overview.split("Commands")[-1], re.M)
     parts = ["# Commands", "What `closedchain COMMAND --help` prints."]
     for name in names:
-        told = runner.invoke(app, [name, "--help"]).stdout.strip("\n")
+        told = runner.invoke(app, [name, "--help"], prog_name="closedchain").stdout.strip("\n")
         parts += [f"## closedchain {name}", f"```text\n{told}\n```"]
     return "\n\n".join(parts) + "\n"
