@@ -48,6 +48,8 @@ def forward_dynamics(
 ) -> ForwardDynamics:
     """Accelerations that input efforts and loads make.
 
+    Dry friction is F tanh(v / 0.001), so that it is nothing at rest.
+
     Parameters
     ----------
     q : (nq,) array
@@ -58,8 +60,6 @@ def forward_dynamics(
         At the driven joints [N or N m]; none by default. A motor's effort times its reduction.
     wrench, gravity, payload
         As for ``statics``.
-
-    Dry friction is F tanh(v / 0.001), so that it is nothing at rest.
 
     Raises
     ------

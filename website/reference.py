@@ -1,0 +1,125 @@
+"""The reference: public names by topic, from their docstrings, and commands, from their help."""
+
+from __future__ import annotations
+
+import inspect
+import re
+from pathlib import Path
+
+from typer.testing import CliRunner
+
+import closedchain as cc
+from closedchain.cli import app
+
+TOPICS = {
+    "loading": (
+        "Mechanisms and files",
+        "A mechanism comes from the catalogue or a file, and leaves as a file or as a program.",
+    ),
+    "positions": (
+        "Positions",
+        "Postures that close the loops: near a guess, along a branch, or all there are.",
+    ),
+    "structure": (
+        "Structure and mobility",
+        "What follows from how bodies and joints are connected: freedoms, loops, redundant rows.",
+    ),
+    "velocity": (
+        "Velocity, acceleration and screws",
+        "How the tip and the joints move when the inputs do, by Jacobians and by screws.",
+    ),
+    "singularities": (
+        "Singularities",
+        "Of one posture, over a grid, as curves and surfaces, and in closed form.",
+    ),
+    "motion": (
+        "Motion and redundancy",
+        "Paths, tasks, and the freedoms that a task leaves.",
+    ),
+    "forces": (
+        "Forces and dynamics",
+        "Efforts, loop forces, inertia, transmissions and states for simulators.",
+    ),
+    "errors": (
+        "Errors",
+        "What is raised when a question is wrong. What has no answer is a result that says why.",
+    ),
+}
+HOMES = {  # the first part of a module's name that fits says which topic its names belong to
+    "urdf.errors": "errors",
+    "closure.position": "positions",
+    "closure.nearest": "positions",
+    "closure.modes": "positions",
+    "closure.solution": "positions",
+    "closure.constraints": "positions",
+    "analysis.motion.joint_positions": "positions",
+    "analysis.structure": "structure",
+    "analysis.screws": "velocity",
+    "analysis.velocity": "velocity",
+    "analysis.acceleration": "velocity",
+    "analysis.motion": "motion",
+    "analysis.redundancy": "motion",
+    "analysis.forces": "forces",
+    "analysis": "singularities",
+    "": "loading",
+}
+
+
+def topic(name: str) -> str:
+    """Topic of a public name, by the module that defines it."""
+    module = getattr(cc, name).__module__.removeprefix("closedchain").removeprefix(".")
+    return next(
+        found
+        for home, found in HOMES.items()
+        if not home or module == home or module.startswith(f"{home}.")
+    )
+
+
+def members(wanted: str) -> list[str]:
+    """Public names of a topic, functions first."""
+    names = [name for name in cc.__all__ if topic(name) == wanted]
+    return sorted(names, key=lambda name: (inspect.isclass(getattr(cc, name)), name.lower()))
+
+
+def write(root: Path, source: Path) -> None:
+    """Write the pages of the reference."""
+    folder = source / "reference"
+    folder.mkdir(parents=True, exist_ok=True)
+    (source / "reference.md").write_text(_overview(), encoding="utf-8")
+    for key, (title, sentence) in TOPICS.items():
+        entries = "\n\n".join(f"::: closedchain.{name}" for name in members(key))
+        (folder / f"{key}.md").write_text(f"# {title}\n\n{sentence}\n\n{entries}\n")
+    (folder / "commands.md").write_text(_commands(), encoding="utf-8")
+
+
+def _overview() -> str:
+    parts = [
+        "# Reference",
+        "Every public name, with an example that the tests run. The examples begin with",
+        "```python\nimport numpy as np\n\nimport closedchain as cc\n```",
+        "Units, frames and the order of six-vectors are those of [conventions](conventions.md). "
+        "[Commands](reference/commands.md) has the command line.",
+    ]
+    for key, (title, _) in TOPICS.items():
+        rows = [
+            f"| [`cc.{name}`](reference/{key}.md#closedchain.{name}) | {_first_sentence(name)} |"
+            for name in members(key)
+        ]
+        parts += [f"## {title}", "\n".join(["| name | what it is |", "|---|---|", *rows])]
+    return "\n\n".join(parts) + "\n"
+
+
+def _first_sentence(name: str) -> str:
+    text = (getattr(cc, name).__doc__ or "").strip().split("\n\n")[0]
+    return re.sub(r"\s+", " ", text).replace("|", "\\|").replace("<", "&lt;")
+
+
+def _commands() -> str:
+    runner = CliRunner()
+    overview = runner.invoke(app, ["--help"], prog_name="closedchain").stdout
+    names = re.findall(r"^ *\W? *([a-z][a-z-]+) {2,}\S", overview.split("Commands")[-1], re.M)
+    parts = ["# Commands", "What `closedchain COMMAND --help` prints."]
+    for name in names:
+        told = runner.invoke(app, [name, "--help"], prog_name="closedchain").stdout.strip("\n")
+        parts += [f"## closedchain {name}", f"```text\n{told}\n```"]
+    return "\n\n".join(parts) + "\n"
