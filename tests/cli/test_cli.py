@@ -216,7 +216,10 @@ def test_view_writes_a_page(tmp_path: Path, slider: Path) -> None:
 
 def test_view_serves_until_interrupted() -> None:
     with subprocess.Popen(
-        [*COMMAND, "view", "d1", "--no-modes"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        [*COMMAND, "view", "d1", "--no-modes"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
     ) as process:
         try:
             assert process.stdout is not None
