@@ -129,6 +129,7 @@ def write(
 ) -> dict[str, Path]:
     """Write the results of a run; return the paths by name. Raises ``OSError``."""
     from closedchain._follow_page import follow_page
+    from closedchain._index_page import write_index
     from closedchain.analysis.motion.follow.figures import draw_follow, draw_inputs
 
     others = {} if comparison is None else _others(comparison, run)
@@ -144,7 +145,8 @@ def write(
     files = {name: folder / name for name in writers}
     for name, writer in writers.items():
         writer(files[name])
-    return files
+    index = write_index(title, files, [run.message])
+    return {**files, index.name: index}
 
 
 def _others(found: Comparison, run: Follow) -> dict[str, Follow]:

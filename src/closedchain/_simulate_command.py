@@ -53,7 +53,8 @@ def simulate(
     import numpy as np
 
     import closedchain as cc
-    from closedchain.robots.animation import Animation, Readout
+    from closedchain._index_page import write_index
+    from closedchain.robots.animation import Animation, Readout, input_readouts
     from closedchain.robots.viewer import static_page
 
     mechanism, q = loaded(robot, values, settings, variant, no_xacro=no_xacro, density=density)
@@ -70,10 +71,13 @@ def simulate(
     found.to_dataset().to_netcdf(data, engine="h5netcdf")
     files = [data]
     if len(found.t) > 1:
-        shown = Animation(found.q, found.t, readouts=(Readout("energy", found.energy, "J"),))
+        told = (*input_readouts(mechanism, found.q), Readout("energy", found.energy, "J"))
+        shown = Animation(found.q, found.t, readouts=told)
         up = arguments.up_axis(robot)
         page.write_text(static_page(mechanism, up=up, animation=shown), encoding="utf-8")
         files.append(page)
+    lines = [found.message, *(event.text for event in found.events if event.text != found.message)]
+    files.append(write_index(f"{mechanism.name}, simulated", {f.name: f for f in files}, lines))
     if json:
         facts = {"ending": found.ending.word, "message": found.message, "until": found.t[-1]}
         numbers = {"residual": found.residual, "drift": found.drift, "steps": found.steps}
@@ -81,10 +85,8 @@ def simulate(
         paths = [str(path) for path in files]
         print_json({"robot": mechanism.name, **facts, **numbers, "events": events, "files": paths})
         return
-    say(found.message)
-    for event in found.events:
-        if event.text != found.message:
-            say(event.text)
+    for line in lines:
+        say(line)
     say(f"loops closed to {found.residual:.1e}, energy drifts by {found.drift:.1e} W")
     for path in files:
         say(str(path))

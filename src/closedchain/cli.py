@@ -292,6 +292,7 @@ def singularities(
 
     By default: two slices of input space, and of the workspace where home allows.
     """
+    from closedchain._index_page import write_index
     from closedchain._survey_page import survey_page
     from closedchain.analysis.progress import reporting
     from closedchain.analysis.survey.results_folder import write_survey
@@ -327,7 +328,10 @@ def singularities(
     written = write_survey(found, out)
     page = out / f"{re.sub(r'[^A-Za-z0-9._-]', '_', mechanism.name)}.html"
     page.write_text(survey_page(found, start, up=arguments.up_axis(robot)), encoding="utf-8")
-    reports.survey(found, {**written, page.name: page}, json, details=details)
+    files = {**written, page.name: page}
+    text = [*found.notes, f"At home: {found.redundancy.text}"]
+    index = write_index(found.title, files, text, found.summary())
+    reports.survey(found, {**files, index.name: index}, json, details=details)
 
 
 @app.command()
