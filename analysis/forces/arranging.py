@@ -44,7 +44,8 @@ def arranged(
     model = mechanism.model
     known = list(model.names)[1:]
     positions, velocities = [], []
-    for name in known if joints is None else joints:
+    wanted = known if joints is None else [joints] if isinstance(joints, str) else joints
+    for name in wanted:
         if name not in known:
             raise ClosureError(known_names(name, "joint", known))
         joint = model.joints[model.getJointId(name)]
