@@ -87,7 +87,8 @@ class Resets:
         """Positions and velocities in the order and conventions of MuJoCo: qpos and qvel.
 
         A floating body has its position and quaternion w x y z in the world, the velocity of its
-        origin along the world's axes, and its angular velocity along its own.
+        origin along the world's axes, and its angular velocity along its own; a ball its
+        quaternion and angular velocity.
 
         Parameters
         ----------
