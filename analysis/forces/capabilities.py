@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from closedchain.analysis.forces.input_efforts import PIVOT, effort_code
 from closedchain.analysis.velocity import velocity
+from closedchain.closure.given import real_array
 from closedchain.closure.mechanism import Mechanism, finite_vector
 from closedchain.urdf.errors import ClosureError
 
@@ -200,6 +201,7 @@ def twist_maps(mechanism: Mechanism, postures: ArrayLike) -> np.ndarray:
 
 
 def _twist_map(mechanism: Mechanism, q: ArrayLike) -> np.ndarray:
+    mechanism.required_inputs()
     found = velocity(mechanism, q, ALL).twist_map
     if found is None:
         raise ClosureError("the inputs do not determine the tip there (a direct singularity)")
@@ -208,7 +210,7 @@ def _twist_map(mechanism: Mechanism, q: ArrayLike) -> np.ndarray:
 
 def drive_stiffness(mechanism: Mechanism, values: ArrayLike) -> np.ndarray:
     """Check the stiffness of each input (n_inputs,). Raises ``ClosureError``."""
-    k = np.array(values, dtype=float)
+    k = real_array(values, "stiffness")
     names = " ".join(mechanism.inputs)
     if k.shape == (len(mechanism.inputs),) and (k > 0.0).all():
         return k

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from closedchain.analysis.forces.loads import Gravity, Wrenches
+from closedchain.analysis.forces.loads import LARGEST_LOAD, Gravity, Wrenches
 from closedchain.analysis.forces.plant import plant_under
 from closedchain.closure.mechanism import Mechanism
 
@@ -79,6 +79,6 @@ def forward_dynamics(
     q, v = plant.state(q, v)
     tau = np.zeros(len(mechanism.inputs))
     if efforts is not None:
-        tau = mechanism.input_vector(efforts, "efforts")
+        tau = mechanism.input_vector(efforts, "efforts", LARGEST_LOAD)
     a = plant.acceleration(q, v, tau)
     return ForwardDynamics(a, a[mechanism.input_v])

@@ -11,9 +11,10 @@ from numpy.typing import ArrayLike
 
 from closedchain.analysis.forces.arranging import column_names
 from closedchain.analysis.forces.integrating import Efforts, State, Stepper
-from closedchain.analysis.forces.loads import Gravity, Wrenches
+from closedchain.analysis.forces.loads import LARGEST_LOAD, Gravity, Wrenches
 from closedchain.analysis.forces.orientation import Signs, signs
 from closedchain.analysis.forces.plant import plant_under
+from closedchain.closure.given import one_number
 from closedchain.closure.mechanism import Mechanism
 from closedchain.closure.nearest import beyond_limits
 from closedchain.closure.solve.outcome import Ending
@@ -159,11 +160,9 @@ def simulate(
     """
     plant = plant_under(mechanism, wrench, gravity, payload)
     start = State(0.0, *plant.state(q, v), 0.0)
-    for value, what in ((until, "until"), (accuracy, "accuracy")):
-        if not (np.isfinite(value) and value > 0.0):
-            raise ClosureError(f"{what} must be above zero, got {value}")
-    gap = until / (SAMPLES - 1) if every is None else float(every)
-    if not (np.isfinite(gap) and 0.0 < gap <= until):
+    until, accuracy = one_number(until, "until"), one_number(accuracy, "accuracy")
+    gap = until / (SAMPLES - 1) if every is None else one_number(every, "every")
+    if gap > until:
         raise ClosureError(f"every must be above zero and at most {until:g} s, got {gap}")
     stepper = Stepper(plant, _efforts(mechanism, efforts))
     plant.acceleration(start.q, start.v, stepper.efforts(0.0, start.q, start.v))
@@ -178,8 +177,10 @@ def _efforts(
 ) -> Efforts:
     if callable(efforts):
         given = efforts
-        return lambda t, q, v: m.input_vector(given(t, q, v), f"efforts at {t:.6g} s")
-    tau = np.zeros(len(m.inputs)) if efforts is None else m.input_vector(efforts, "efforts")
+        return lambda t, q, v: m.input_vector(given(t, q, v), f"efforts at {t:.6g} s", LARGEST_LOAD)
+    tau = np.zeros(len(m.inputs))
+    if efforts is not None:
+        tau = m.input_vector(efforts, "efforts", LARGEST_LOAD)
     return lambda t, q, v: tau
 
 

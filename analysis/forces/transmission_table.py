@@ -9,6 +9,7 @@ import numpy as np
 
 from closedchain.analysis.forces.motor_limits import TOGGLE, effort_limits, speed_limits, toggle
 from closedchain.analysis.forces.motor_map import Transmission
+from closedchain.closure.given import range_of, whole_number
 from closedchain.urdf.errors import ClosureError, known_names
 
 if TYPE_CHECKING:
@@ -118,7 +119,7 @@ def _add_measures(
         data["effort_limits"] = ((*over, "side", "joints"), found.reshape(*shape, 2, k))
     if speeds is not None:
         slow = np.full((len(rates), k), np.nan)
-        slow[regular] = speed_limits(rates[regular], np.asarray(speeds, dtype=float))
+        slow[regular] = speed_limits(rates[regular], of.top_speeds(speeds))
         data["speed_limits"] = ((*over, "joints"), slow.reshape(*shape, k))
 
 
@@ -155,13 +156,15 @@ def _axes(
         if name not in of.joint_names:
             raise ClosureError(known_names(name, "joint", of.joint_names))
     standard = POINTS.get(len(of.joint_names), 15)
-    every = standard if points is None or isinstance(points, Mapping) else int(points)
+    given = points is None or isinstance(points, Mapping)
+    every = standard if given else whole_number(points, "points", 1)
     axes = {}
     for name, (low, high) in of.joint_ranges(SPAN).items():
-        low, high = ranges.get(name, (low, high))
-        if not (np.isfinite([low, high]).all() and low < high):
+        low, high = range_of(ranges.get(name, (low, high)), name)
+        if not low < high:
             raise ClosureError(f"the range of {name}, {low:g} to {high:g}, does not rise")
-        axes[name] = np.linspace(low, high, counts.get(name, every))
+        count = whole_number(counts.get(name, every), f"points along {name}", 1)
+        axes[name] = np.linspace(low, high, count)
     if (size := int(np.prod([axis.size for axis in axes.values()]))) > MOST or size == 0:
         raise ClosureError(f"a table of {size} positions; between 1 and {MOST} are possible")
     return axes
