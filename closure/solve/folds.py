@@ -42,6 +42,8 @@ class Folds:
         Of the way.
     along : (n, free) array
         Unit vector that the Jacobian takes to zero, dimensionless.
+    left : (n, rows) array
+        Unit vector that takes the Jacobian's rows to zero.
     bend : (n,) array
         Postures beside it at ``x`` along that vector have the share ``share + bend x^2``; 0 where
         the branch does not fold, but goes on or meets others.
@@ -53,6 +55,7 @@ class Folds:
     q: np.ndarray
     share: np.ndarray
     along: np.ndarray
+    left: np.ndarray
     bend: np.ndarray
     lost: np.ndarray
 
@@ -61,8 +64,9 @@ class Folds:
 
         NaN on the far side of a fold, and where there is none.
         """
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return np.asarray(np.sqrt((share - self.share) / self.bend))
+        bend = np.where(self.bend == 0.0, np.nan, self.bend)
+        square = (share - self.share) / bend
+        return np.asarray(np.sqrt(np.where(square < 0.0, np.nan, square)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,6 +114,26 @@ def moved(problem: Problem, q: np.ndarray, step: np.ndarray) -> np.ndarray:
     return _code(problem).moved(q, step)
 
 
+def side_of(
+    problem: Problem, folds: Folds, which: np.ndarray, q: np.ndarray, targets: np.ndarray
+) -> np.ndarray:
+    """On which side of folds (n,) closed postures (n, nq) beside them are, (n,) of 1 or -1.
+
+    By the sign of the singular value that vanishes at the fold, which is that of the determinant
+    but for a factor that the two sides share; also where rows are redundant.
+
+    Parameters
+    ----------
+    which : (n,) int array
+        The fold that each is beside.
+    targets : (n, prescribed) array
+        Of the postures.
+    """
+    _, jacobian = _code(problem).at(q, targets)
+    left, along = folds.left[which], folds.along[which]
+    return np.sign(np.einsum("nm,nmf,nf->n", left, jacobian, along))
+
+
 def folds_near(
     problem: Problem, q: np.ndarray, begin: np.ndarray, end: np.ndarray, share: np.ndarray
 ) -> Folds:
@@ -126,6 +150,7 @@ def folds_near(
         q=q.copy(),
         share=share.copy(),
         along=np.zeros((n, size)),
+        left=np.zeros((n, problem.units.size)),
         bend=np.zeros(n),
         lost=np.zeros(n, dtype=int),
     )
@@ -141,6 +166,7 @@ def folds_near(
         done = here.solved
         at = left[done]
         out.found[at], out.share[at], out.lost[at] = True, share[done], here.lost[done]
+        out.left[at] = here.left[done]
         out.q[at], out.along[at], out.bend[at] = (
             here.pinned[done],
             here.right[done],
@@ -185,6 +211,11 @@ class _Around:
     def _singular(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         u, s, vt = np.linalg.svd(self._here[1], full_matrices=False)
         return u[:, :, -1], s, vt[:, -1]
+
+    @property
+    def left(self) -> np.ndarray:
+        """Left singular vectors (n, rows) of the least singular values."""
+        return self._singular[0]
 
     @property
     def right(self) -> np.ndarray:

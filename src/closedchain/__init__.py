@@ -88,6 +88,9 @@ if TYPE_CHECKING:
     from closedchain.closure.code.exporting import export_code
     from closedchain.closure.exporting import export
     from closedchain.closure.modes.all_postures import postures
+    from closedchain.closure.modes.connections.connected import Connections
+    from closedchain.closure.modes.connections.meetings import Meeting
+    from closedchain.closure.modes.connections.passages import Passage
     from closedchain.closure.modes.result import Postures
     from closedchain.closure.position import direct, inverse
     from closedchain.closure.solids import with_inertias
@@ -101,6 +104,9 @@ _LATER = {
     "closure.position": "direct inverse",
     "closure.solids": "with_inertias",
     "closure.modes.all_postures": "postures",
+    "closure.modes.connections.connected": "Connections",
+    "closure.modes.connections.meetings": "Meeting",
+    "closure.modes.connections.passages": "Passage",
     "closure.modes.result": "Postures",
     "analysis.motion.track.stops": "Stop",
     "analysis.acceleration": "Acceleration acceleration",
@@ -177,6 +183,7 @@ __all__ = [
     "ClosureError",
     "Comparison",
     "ComparisonRow",
+    "Connections",
     "Dependence",
     "DescriptionError",
     "EffortHistory",
@@ -189,8 +196,10 @@ __all__ = [
     "LegVelocity",
     "LoopGraph",
     "Mechanism",
+    "Meeting",
     "Mobility",
     "Network",
+    "Passage",
     "Poc",
     "Postures",
     "Redundancy",

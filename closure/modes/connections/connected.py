@@ -112,6 +112,9 @@ class Connections:
     def passage(self, one: str, two: str) -> Passage:
         """A way without a singularity from a mode to another one.
 
+        It may be put together of several passages; each keeps joints within their limits, and
+        from one to the next a hinge with limits may have to be a whole turn back.
+
         Raises
         ------
         KeyError

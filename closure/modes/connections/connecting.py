@@ -135,6 +135,7 @@ def connections_of(
         if post < 0:
             left_out[name] = "it does not close on its own branch"
     groups = _groups(followed.names, passages, left_out)
+    apart = [p for p in unconfirmed if not any(set(p) <= set(group) for group in groups)]
     return Connections(
         groups=groups,
         passages=tuple(passages),
@@ -145,7 +146,7 @@ def connections_of(
         left_out=left_out,
         axes=dict(zip(names, window.axes, strict=True)),
         counts=_counts(followed.names, covering, groups),
-        unconfirmed=tuple(unconfirmed),
+        unconfirmed=tuple(apart),
         searched=_searched(window, covering, len(search.ways), limits=limits),
     )
 

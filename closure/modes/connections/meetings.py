@@ -24,7 +24,7 @@ from closedchain.closure.modes.connections.covering import (
 from closedchain.closure.modes.connections.window import Window
 from closedchain.closure.nearest import beyond_limits
 from closedchain.closure.solve.control import SMALLEST
-from closedchain.closure.solve.folds import Folds, folds_near, moved
+from closedchain.closure.solve.folds import Folds, folds_near, moved, side_of
 
 FEW = 100  # ends of ways that are all looked into with patience
 WAYS = {1: 2, 2: 64, 3: 200}
@@ -204,7 +204,7 @@ class Meetings:
         """Folds (k,) of ways (n,), the postures (k, 2, nq) on both sides, and coordinates there.
 
         On one side the determinant has the other sign. Near a cusp a third posture may be taken
-        for one of the two, so that it has not; then nearer to the fold.
+        for one of the two, and has not: then they are sought nearer to the fold.
         """
         problem, nq = self.window.chart.problem, self.q.shape[1]
         left = np.flatnonzero(folds.found & (folds.bend < 0.0))
@@ -220,9 +220,11 @@ class Meetings:
             start = moved(problem, np.repeat(folds.q[left], 2, axis=0), step)
             there = self.window.at + share[left, None] * (self.ways[number[left]] - self.window.at)
             both = np.repeat(there, 2, axis=0)
-            way, codes = self.branches.hasty(start, both, both)
+            way, codes = self.branches.ways(start, both, both)
             closed = np.isin(codes, (ARRIVED, LIMIT)).reshape(-1, 2).all(axis=1)
-            good = closed & (np.sign(way.det).reshape(-1, 2).prod(axis=1) < 0.0)
+            which, targets = np.repeat(left, 2), self.window.targets(both)
+            sides = side_of(problem, folds, which, way.q, targets).reshape(-1, 2)
+            good = closed & (sides.prod(axis=1) < 0.0)
             chosen.append(left[good])
             postures.append(way.q.reshape(-1, 2, nq)[good])
             places.append(there[good])
@@ -285,7 +287,8 @@ class Meetings:
             _, codes = self.branches.ways(q, begin, there)
             if (codes == LIMIT).any():
                 return False
-        return not beyond_limits(self.window.chart.mechanism, end.q)
+        (q,) = self.branches.turned_back(end.q[None])
+        return not beyond_limits(self.window.chart.mechanism, q)
 
 
 def _directions(k: int, count: int) -> np.ndarray:

@@ -14,9 +14,11 @@ import numpy as np
 
 from closedchain.closure.clearance import clearance
 from closedchain.closure.modes.connections.covering import ARRIVED, Branches, Covering, Marks, same
+from closedchain.closure.modes.connections.window import TURN
 from closedchain.closure.nearest import beyond_limits
 from closedchain.closure.solve.alone import follow_alone
 from closedchain.closure.solve.control import SMALLEST
+from closedchain.closure.turns import tied, turning
 
 WARY = 0.2  # share of the usual determinant below which a way is as long again
 NARROWER = 0.5  # share of a way's least determinant that straight pieces keep
@@ -40,7 +42,8 @@ class Passage:
     values : (s, k) array
         Their values at samples along it, corners among them.
     q : (s, nq) array
-        Postures there.
+        Postures there. Passive hinges may stand a whole turn from where those of the mode do, so
+        that they keep within their limits on the way.
     determinant : (s,) array
         Of the solved equations, dimensionless; it keeps its sign.
     sigma : (s,) array
@@ -84,7 +87,8 @@ class Passage:
 
     def then(self, other: Passage) -> Passage:
         """This way and another one that begins where it ends."""
-        shift = self.corners[-1] - other.corners[0]  # whole turns
+        shift = self.corners[-1] - other.corners[0]  # whole turns, as these
+        turned = TURN * np.round((self.q[-1] - other.q[0]) / TURN)
 
         def joined(name: str, by: np.ndarray | float = 0.0) -> np.ndarray:
             return np.concatenate([getattr(self, name), (getattr(other, name) + by)[1:]])
@@ -94,7 +98,7 @@ class Passage:
             self.names,
             joined("corners", shift),
             joined("values", shift),
-            joined("q"),
+            joined("q", turned),
             joined("determinant"),
             joined("sigma"),
             max(self.residual, other.residual),
@@ -237,6 +241,7 @@ class Passages:
             return None
         chart = self.covering.window.chart
         m, problem = chart.mechanism, chart.problem
+        q = self._turned(q)
         determinant = np.array([problem.determinant_at(x) for x in q])
         if problem.signed and (np.sign(determinant) != np.sign(determinant[0])).any():
             return None
@@ -265,6 +270,24 @@ class Passages:
             shares = np.arange(1, count + 1)[:, None] / count
             found.append(begin + shares * (end - begin))
         return np.concatenate(found)
+
+    def _turned(self, q: np.ndarray) -> np.ndarray:
+        """The same way (s, nq) with passive hinges that are whole turns on, so that limits hold.
+
+        As they are where no whole turn suits all of a way.
+        """
+        chart = self.covering.window.chart
+        m, found = chart.mechanism, q.copy()
+        turns = turning(m) & ~tied(m)
+        for joint in list(m.model.joints)[1:]:
+            at = joint.idx_q
+            if joint.nq != 1 or not turns[joint.idx_v] or at in chart.pinned_q:
+                continue
+            low, high = (float(limit[at]) for limit in m.limits)
+            least, most = np.ceil((low - q[:, at].min()) / TURN), (high - q[:, at].max()) / TURN
+            if least <= np.floor(most):
+                found[:, at] += TURN * min(max(0.0, least), np.floor(most))
+        return found
 
     def _walked(self, post: int, values: np.ndarray) -> tuple[np.ndarray | None, np.ndarray | None]:
         """Postures (s, nq) from one of the covering on along coordinates, and the last one's mark.
