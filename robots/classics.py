@@ -41,8 +41,8 @@ CLASSICS = (
     _classic(
         "three_rrr",
         "planar, three driven arms",
-        "C. M. Gosselin, J. Angeles, The optimum kinematic design of a planar "
-        "three-degree-of-freedom parallel manipulator, 1988; sizes of ours",
+        "C. M. Gosselin, J. Angeles, The optimum kinematic design of a planar three-degree-of-"
+        "freedom parallel manipulator, 1988; sizes of ours",
     ),
     _classic(
         "three_rpr",

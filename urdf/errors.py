@@ -15,7 +15,7 @@ class ClosedChainError(Exception):
     Examples
     --------
     >>> try:
-    ...     cc.load("delta")
+    ...     cc.load("dleta")
     ... except cc.ClosedChainError as error:
     ...     print(type(error).__name__)
     DescriptionError

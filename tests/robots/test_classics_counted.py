@@ -68,3 +68,23 @@ def test_manocha_and_canny_have_sixteen() -> None:
 @pytest.mark.slow
 def test_double_butterfly_has_six_of_eighteen() -> None:
     counted(cc.load("double_butterfly"), 6, 18, inputs=[math.radians(67.38)])
+
+
+@pytest.mark.slow
+def test_double_butterfly_moves_in_four_circuits() -> None:
+    """All six postures at each of several crank angles lie on four closed curves, and no fewer."""
+    m = cc.load("double_butterfly")
+    circuits: list[np.ndarray] = []
+
+    def beside(q: np.ndarray) -> bool:
+        there = [np.abs(np.exp(1j * c) - np.exp(1j * q)).max(axis=1).min() for c in circuits]
+        return min(there, default=1.0) < 0.08
+
+    for degrees in (67.38, 0.0, 120.0, -120.0, 180.0, -60.0):
+        for q in cc.postures(m, inputs=[math.radians(degrees)], count=False).q:
+            if not beside(q):
+                # z of a planar linkage holds nothing: all of the curve is traced
+                found = cc.self_motion(m, q, "z", through=True, step=0.05)
+                assert found.closed
+                circuits.append(found.q)
+    assert len(circuits) == 4
