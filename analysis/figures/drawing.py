@@ -22,6 +22,7 @@ from closedchain.analysis.figures.panels import draw_panel, is_polar
 from closedchain.analysis.figures.space import draw_space, planes
 from closedchain.analysis.survey.set_tables import DrawableSet, polylines
 from closedchain.urdf.errors import ClosureError
+from closedchain.urdf.extras import require
 
 if TYPE_CHECKING:
     import os
@@ -192,6 +193,7 @@ def _check(data: xr.Dataset, sets: Sequence[DrawableSet], measures: Sequence[str
 
 def _drawn(slices: Sequence[DrawnSlice], measures: Sequence[str], title: str) -> Figure:
     """Figure with a row for each slice and one legend."""
+    require("figures are drawn with matplotlib", "figures")
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 

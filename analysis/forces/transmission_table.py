@@ -10,6 +10,7 @@ import numpy as np
 from closedchain.analysis.forces.motor_limits import TOGGLE, effort_limits, speed_limits, toggle
 from closedchain.analysis.forces.motor_map import Transmission
 from closedchain.urdf.errors import ClosureError, known_names
+from closedchain.urdf.extras import require
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -54,6 +55,7 @@ def transmission_table(
     ClosureError
         Unknown joints, ranges that do not rise, too many points.
     """
+    require("a table is an xarray dataset", "maps")
     import xarray as xr
 
     axes = _axes(of, ranges or {}, points)

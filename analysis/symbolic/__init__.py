@@ -11,6 +11,7 @@ from closedchain.analysis.symbolic.results import (
     SymbolicSingularities,
 )
 from closedchain.closure.mechanism import Mechanism
+from closedchain.urdf.extras import require
 
 __all__ = [
     "Factor",
@@ -45,6 +46,7 @@ def symbolic_singularities(
         A mechanism that is not made of legs, whose legs share a platform in a loop, or whose
         expressions grow too large; unknown names.
     """
+    require("closed forms are derived with sympy", "symbolic")
     from closedchain.analysis.symbolic.closed_forms import derive  # only who asks waits for it
 
     return derive(mechanism, names)

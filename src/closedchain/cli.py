@@ -43,6 +43,7 @@ from closedchain._statics_command import statics
 from closedchain._terminal import fail, print_json, remark, say
 from closedchain._transmission_command import transmission
 from closedchain.urdf.errors import ClosedChainError
+from closedchain.urdf.extras import require
 
 if TYPE_CHECKING:
     from closedchain.closure import Mechanism, Solution
@@ -225,6 +226,7 @@ def view(
     """Show a robot in a browser, or write it as a page: sliders move it, its loops stay closed."""
     from closedchain.robots.viewer import serve, static_page
 
+    require("a page draws with Meshcat", "view")
     upwards = arguments.up_axis(robot, up)
     mechanism = _load(robot, settings, variant, no_xacro)
     for note in reports.undrawn(mechanism):
@@ -284,6 +286,7 @@ def singularities(
     from closedchain.analysis.survey.results_folder import write_survey
     from closedchain.analysis.survey.surveying import survey
 
+    require("a survey writes maps, figures and a page", "maps", "figures", "view")
     kinds = arguments.kinds(kind or ())
     mechanism = _load(robot, settings, variant, no_xacro)
     wanted = arguments.slices(mechanism, over or ())
@@ -341,6 +344,7 @@ def plot(
     from closedchain.analysis.figures.drawing import draw_survey
     from closedchain.analysis.survey.results_folder import read_results
 
+    require("figures are drawn from datasets", "maps", "figures")
     image = arguments.image_file(folder, out, image_format)
     draw_survey(read_results(folder), image, measures=measure or None, dpi=dpi)
     say(str(image))

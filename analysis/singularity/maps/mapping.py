@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from closedchain.analysis.singularity.maps.grid import Progress, grid_of
 from closedchain.analysis.singularity.maps.labels import labelled
 from closedchain.closure.mechanism import Mechanism
+from closedchain.urdf.extras import require
 
 if TYPE_CHECKING:
     import os
@@ -86,6 +87,7 @@ def singularity_map(
         a start or cells that cannot be reached, a map that does not fit into memory, a store that
         holds another map; measures that are none, or do not pickle where they have to.
     """
+    require("a map is an xarray dataset, stored by zarr", "maps")
     # not above: threads, JSON and the like would take a fifth of the time of ``import closedchain``
     from closedchain.analysis.progress import reporting
     from closedchain.analysis.singularity.maps.anchor import anchor_of
