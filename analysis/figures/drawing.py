@@ -26,6 +26,7 @@ from closedchain.analysis.figures.ticks import part_ticks
 from closedchain.analysis.survey.captions import account, description, heading, method
 from closedchain.analysis.survey.set_tables import DrawableSet
 from closedchain.urdf.errors import ClosureError
+from closedchain.urdf.extras import require
 
 if TYPE_CHECKING:
     import os
@@ -240,6 +241,7 @@ def _drawn(
     slices: Sequence[DrawnSlice], measures: Sequence[str], title: str, scheme: Scheme
 ) -> Figure:
     """Figure with a row for each slice and one legend."""
+    require("figures are drawn with matplotlib", "figures")
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from closedchain.urdf.errors import ClosureError, known_names
+from closedchain.urdf.extras import require
 
 if TYPE_CHECKING:
     from closedchain.analysis.forces.effort_history import EffortHistory
@@ -24,6 +25,7 @@ def draw_efforts(
     ClosureError
         An unknown joint.
     """
+    require("figures are drawn with matplotlib", "figures")
     from matplotlib.figure import Figure
 
     for name in joints:

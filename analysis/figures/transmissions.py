@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from closedchain.urdf.errors import ClosureError
+from closedchain.urdf.extras import require
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -23,6 +24,7 @@ def draw_transmission(found: xr.Dataset, image: Path, dpi: int = 130) -> None:
     ClosureError
         A table over more joints.
     """
+    require("figures are drawn with matplotlib", "figures")
     from matplotlib.figure import Figure
 
     joints = [str(name) for name in found["joints"].values]

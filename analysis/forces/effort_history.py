@@ -14,6 +14,7 @@ from closedchain.analysis.forces.loads import Gravity, Wrenches
 from closedchain.closure.given import real_array
 from closedchain.closure.mechanism import Mechanism
 from closedchain.urdf.errors import ClosureError
+from closedchain.urdf.extras import require
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -62,6 +63,7 @@ class EffortHistory:
 
     def to_dataset(self) -> xr.Dataset:
         """As an xarray Dataset over ``time``."""
+        require("a dataset is made with xarray", "maps")
         import xarray as xr
 
         m = self.mechanism

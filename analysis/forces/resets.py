@@ -28,6 +28,7 @@ from closedchain.closure.solve.outcome import Ending
 from closedchain.closure.solve.path import follower_of
 from closedchain.closure.solve.samples import closed_samples
 from closedchain.urdf.errors import ClosureError
+from closedchain.urdf.extras import require
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -111,6 +112,7 @@ class Resets:
 
     def to_dataset(self) -> xr.Dataset:
         """States as an xarray Dataset over ``state``, with the names of all columns."""
+        require("a dataset is made with xarray", "maps")
         import xarray as xr
 
         m = self.mechanism

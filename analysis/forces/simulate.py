@@ -19,6 +19,7 @@ from closedchain.closure.mechanism import Mechanism
 from closedchain.closure.nearest import beyond_limits
 from closedchain.closure.solve.outcome import Ending
 from closedchain.urdf.errors import ClosureError
+from closedchain.urdf.extras import require
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -89,6 +90,7 @@ class Simulation:
 
     def to_dataset(self) -> xr.Dataset:
         """The motion as an xarray Dataset over ``time``, with the names of all columns."""
+        require("a dataset is made with xarray", "maps")
         import xarray as xr
 
         m = self.mechanism

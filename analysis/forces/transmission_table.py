@@ -11,6 +11,7 @@ from closedchain.analysis.forces.motor_limits import TOGGLE, effort_limits, spee
 from closedchain.analysis.forces.motor_map import Transmission
 from closedchain.closure.given import range_of, whole_number
 from closedchain.urdf.errors import ClosureError, known_names
+from closedchain.urdf.extras import require
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -64,6 +65,7 @@ def transmission_table(
     >>> table["motor"].dims, bool(table["reached"].any())
     (('leg1_R', 'leg2_R', 'leg3_R', 'motors'), True)
     """
+    require("a table is an xarray dataset", "maps")
     import xarray as xr
 
     axes = _axes(of, ranges or {}, points)

@@ -21,6 +21,7 @@ from closedchain.analysis.singularity.sets.singular_set import SingularitySet
 from closedchain.analysis.survey.set_tables import SavedSet, read_table, table
 from closedchain.analysis.survey.surveying import Survey
 from closedchain.urdf.errors import ClosureError
+from closedchain.urdf.extras import require
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -57,6 +58,7 @@ def write_survey(result: Survey, folder: Path) -> dict[str, Path]:
     OSError
         The folder cannot be written.
     """
+    require("results are written as datasets of xarray", "maps")
     import xarray as xr
 
     folder.mkdir(parents=True, exist_ok=True)
@@ -124,6 +126,7 @@ def _stored_map(folder: Path) -> Results:
 
 def _tree(path: Path) -> xr.DataTree:
     """Contents of a netCDF file, read as a whole."""
+    require("results are read as datasets of xarray", "maps")
     import xarray as xr
 
     if not path.is_file():

@@ -12,6 +12,7 @@ import typer
 from closedchain import _arguments as arguments
 from closedchain._options import Json, NoXacro, Outputs, Robot, Settings, Triple, Values, Variant
 from closedchain._terminal import fail, print_json, remark, say, table
+from closedchain.urdf.extras import require
 
 if TYPE_CHECKING:
     from closedchain.closure import Mechanism
@@ -67,6 +68,8 @@ def postures(
     """All postures with the inputs, the tip's pose or some joints held."""
     import closedchain as cc
 
+    if html is not None:
+        require("a page draws with Meshcat", "view")
     mechanism = arguments.load_robot(robot, settings or (), variant, xacro=not no_xacro)
     held = _held(mechanism, values, xyz, rpy, fixed)
     wanted = _slice(mechanism, over or ())

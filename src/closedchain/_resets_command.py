@@ -10,6 +10,7 @@ import typer
 from closedchain import _arguments as arguments
 from closedchain._options import Json, NoXacro, Robot, Settings, Variant, Workers
 from closedchain._terminal import print_json, say
+from closedchain.urdf.extras import require
 
 
 def resets(
@@ -58,6 +59,7 @@ def resets(
 
     if out.suffix not in (".npz", ".zarr", ".nc"):
         raise arguments.BadArgumentError(f"--out {out}: the name must end in .npz, .zarr or .nc")
+    require("states are written as a dataset of xarray", "maps")
     mechanism = arguments.load_robot(robot, settings or (), variant, xacro=not no_xacro)
     starts = np.array([mechanism.posture(name) for name in mode]) if mode else None
     wanted = _ranges(over) if over else None

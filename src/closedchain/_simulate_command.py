@@ -21,6 +21,7 @@ from closedchain._options import (
 )
 from closedchain._statics_command import loaded
 from closedchain._terminal import print_json, say
+from closedchain.urdf.extras import require
 
 
 def simulate(
@@ -58,6 +59,7 @@ def simulate(
     from closedchain.robots.viewer import static_page
 
     mechanism, q = loaded(robot, values, settings, variant, no_xacro=no_xacro, density=density)
+    require("a motion is written as dataset and page", "maps", "view")
     given = arguments.input_values(mechanism, effort or (), "--effort")
     tau = np.array([given.get(name, 0.0) for name in mechanism.inputs])
     if hold:

@@ -46,6 +46,7 @@ from closedchain._statics_command import statics
 from closedchain._terminal import fail, print_json, remark, say
 from closedchain._transmission_command import transmission
 from closedchain.urdf.errors import ClosedChainError
+from closedchain.urdf.extras import require
 
 if TYPE_CHECKING:
     from closedchain.closure import Mechanism, Solution
@@ -232,6 +233,7 @@ def view(
     from closedchain._modes import searched_modes
     from closedchain.robots.viewer import Controls, Served, static_page
 
+    require("a page draws with Meshcat", "view")
     upwards = arguments.up_axis(robot, up)
     mechanism = _load(robot, settings, variant, no_xacro)
     for note in reports.undrawn(mechanism):
@@ -298,6 +300,7 @@ def singularities(
     from closedchain.analysis.survey.results_folder import write_survey
     from closedchain.analysis.survey.surveying import survey
 
+    require("a survey writes maps, figures and a page", "maps", "figures", "view")
     kinds, more = arguments.kinds(kind or ()), arguments.measures(measure or ())
     mechanism = _load(robot, settings, variant, no_xacro)
     wanted = arguments.slices(mechanism, over or ())
@@ -359,6 +362,7 @@ def plot(
     from closedchain.analysis.figures.drawing import draw_survey
     from closedchain.analysis.survey.results_folder import read_results
 
+    require("figures are drawn from datasets", "maps", "figures")
     image = arguments.image_file(folder, out, image_format)
     draw_survey(read_results(folder), image, measures=measure or None, dpi=dpi)
     say(str(image))

@@ -12,6 +12,7 @@ import numpy as np
 
 from closedchain.analysis.motion.follow.result import Follow
 from closedchain.urdf.errors import ClosureError
+from closedchain.urdf.extras import require
 
 if TYPE_CHECKING:
     import os
@@ -63,6 +64,7 @@ def draw_follow(
     OSError
         The image cannot be written.
     """
+    require("figures are drawn with matplotlib", "figures")
     from matplotlib.figure import Figure
 
     m, others = run.problem.mechanism, _drawable(run, others)
@@ -117,6 +119,7 @@ def draw_inputs(
 
     Parameters and errors are those of ``draw_follow``.
     """
+    require("figures are drawn with matplotlib", "figures")
     from matplotlib.figure import Figure
 
     m, others = run.problem.mechanism, _drawable(run, others)

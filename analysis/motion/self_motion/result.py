@@ -13,6 +13,7 @@ from closedchain.analysis.structure.driving import dependence
 from closedchain.closure.generic import generic_ranks
 from closedchain.closure.mechanism import Mechanism
 from closedchain.closure.solve.outcome import Ending
+from closedchain.urdf.extras import require
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -171,6 +172,7 @@ class SelfMotion:
 
     def to_dataset(self) -> xr.Dataset:
         """The postures and their measures over the arclength as an ``xarray.Dataset``."""
+        require("a dataset is made with xarray", "maps")
         import xarray as xr
 
         m = self.mechanism

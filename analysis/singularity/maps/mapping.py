@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from closedchain.analysis.singularity.maps.grid import Progress, grid_of
 from closedchain.analysis.singularity.maps.labels import labelled
 from closedchain.closure.mechanism import Mechanism
+from closedchain.urdf.extras import require
 
 if TYPE_CHECKING:
     import os
@@ -95,6 +96,7 @@ def singularity_map(
     >>> dict(cells.sizes), bool((cells["status"] == 0).all())
     ({'x': 5, 'y': 5}, True)
     """
+    require("a map is an xarray dataset, stored by zarr", "maps")
     # not above: threads, JSON and the like would take a fifth of the time of ``import closedchain``
     from closedchain.analysis.progress import reporting
     from closedchain.analysis.singularity.maps.anchor import anchor_of
