@@ -19,6 +19,7 @@ from closedchain.analysis.singularity.sets.finding import set_of
 from closedchain.analysis.singularity.sets.lattice import Lattice, lattice_of
 from closedchain.analysis.singularity.sets.meeting import meeting
 from closedchain.analysis.singularity.sets.singular_set import KINDS, SingularitySet
+from closedchain.analysis.survey.captions import caption
 from closedchain.analysis.survey.plan import (
     Names,
     Range,
@@ -279,14 +280,15 @@ def _slice(
         keep_q=True,
         workers=workers,
     )
-    if mode is not None and not at:
-        found.attrs["start"] = f"mode {mode}"
     grid = grid_of(mechanism, axes, dict(at) or None, outputs=names, mode=mode)
     arrays = {str(name): found[name].to_numpy() for name in found.data_vars}
     postures = variable_name("q", tuple(axes))
     arrays["q"] = found[postures].to_numpy()
     lattice = lattice_of(grid, arrays, names)
-    return Slice(found.drop_vars(postures), _sets(lattice, kinds, names, report))
+    sets = _sets(lattice, kinds, names, report)
+    found = found.drop_vars(postures)
+    found.attrs["caption"] = caption(found, sets)
+    return Slice(found, sets)
 
 
 def _sets(

@@ -290,6 +290,7 @@ def singularities(
 
     By default: two slices of input space, and of the workspace where home allows.
     """
+    from closedchain._survey_index import survey_index
     from closedchain._survey_page import survey_page
     from closedchain.analysis.progress import reporting
     from closedchain.analysis.survey.results_folder import write_survey
@@ -324,7 +325,10 @@ def singularities(
     written = write_survey(found, out)
     page = out / f"{re.sub(r'[^A-Za-z0-9._-]', '_', mechanism.name)}.html"
     page.write_text(survey_page(found, start, up=arguments.up_axis(robot)), encoding="utf-8")
-    reports.survey(found, {**written, page.name: page}, json, details=details)
+    index = out / "index.html"
+    index.write_text(survey_index(found, {**written, page.name: page}), encoding="utf-8")
+    files = {**written, page.name: page, index.name: index}
+    reports.survey(found, files, json, details=details)
 
 
 @app.command()
@@ -347,14 +351,18 @@ def plot(
     out: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Image; map.png in the folder by default.")
     ] = None,
+    grey: Annotated[
+        bool, typer.Option("--grey", help="Without colours, for print: kinds differ by dashes.")
+    ] = False,
 ) -> None:
     """Draw the results of a folder again, from its files alone."""
     from closedchain.analysis.figures.drawing import draw_survey
     from closedchain.analysis.survey.results_folder import read_results
 
     image = arguments.image_file(folder, out, image_format)
-    draw_survey(read_results(folder), image, measures=measure or None, dpi=dpi)
-    say(str(image))
+    results = read_results(folder)
+    for page in draw_survey(results, image, measures=measure or None, dpi=dpi, grey=grey):
+        say(str(page))
 
 
 app.command()(reads_a_file(follow))
