@@ -269,8 +269,9 @@ def _headline(part: DrawnSlice) -> str:
 
 def _small_print(part: DrawnSlice) -> str:
     """What the sets are, and how they were found."""
-    said = "; ".join(account(found, notes=False) for found in part.sets)
-    return "\n".join(textwrap.wrap(f"{said}. {method(part.map, part.sets)}", _COLUMNS + 40))
+    sets = "; ".join(account(found, notes=False) for found in part.sets)
+    said = f"{sets}. " if sets else ""
+    return "\n".join(textwrap.wrap(f"{said}{method(part.map, part.sets)}", _COLUMNS + 40))
 
 
 def _height(part: DrawnSlice, measures: Sequence[str]) -> float:
@@ -330,5 +331,5 @@ def _draw_volume(
             names = [str(d) for d in flat["status"].dims]
             kind = "polar" if is_polar(names, flat) else "rectilinear"
             ax = right.add_subplot(len(measures), 3, 3 * i + j + 1, projection=kind)
-            draw_panel(ax, flat, flat_sets, name, measure_of(data, name), scheme)
+            draw_panel(ax, flat, flat_sets, name, measure_of(data, name), scheme, small=True)
             ax.set_title(f"{name.replace('_', ' ')} at {title}", fontsize=9)

@@ -14,7 +14,7 @@ from closedchain.analysis.figures.palette import (
     MARKERS,
     Scheme,
     blank_colour,
-    start_of,
+    start_within,
     statuses_of,
 )
 from closedchain.analysis.survey.set_tables import DrawableSet, polylines
@@ -39,7 +39,7 @@ def legend_of(parts: Sequence[Shown], scheme: Scheme) -> list[Any]:
     if any(not on for found in everything for _, on in polylines(found)):
         label = "thin: the same, not reached by the branch"
         handles.append(Line2D([], [], color="#777777", lw=0.8, label=label))
-    starts = {start[0] for data, _ in parts if (start := start_of(data)) is not None}
+    starts = {start[0] for data, _ in parts if (start := start_within(data)) is not None}
     if starts:
         label = ", ".join(sorted(starts))
         handles.append(Line2D([], [], ls="", marker="*", ms=11, mfc="w", mec="k", label=label))

@@ -17,7 +17,7 @@ from closedchain.analysis.figures.palette import (
     axis_label,
     blank_colour,
     measure_of,
-    start_of,
+    start_within,
     statuses_of,
 )
 from closedchain.analysis.figures.panels import add_degrees
@@ -62,7 +62,7 @@ def draw_line(
             ax.axvline(at, color=scheme.kinds[found.kind], lw=1.4, ls=DASHES[found.kind])
     whole = [f"{found.kind}ly singular everywhere" for found in sets if found.everywhere]
     ax.set_title(", ".join(whole), fontsize=10)
-    start = start_of(data)
+    start = start_within(data)
     if start is not None:
         across: Any = ax.get_xaxis_transform()
         ax.plot(

@@ -172,6 +172,18 @@ def blank_colour(name: str, scheme: Scheme) -> str:
     return BLANKS[name].colour if scheme.blanks else "#FFFFFF"
 
 
+def start_within(data: xr.Dataset) -> tuple[str, list[float]] | None:
+    """``start_of`` where it lies in the range of the map, else None: it is not drawn then."""
+    start = start_of(data)
+    if start is None:
+        return None
+    for name, value in zip(data["status"].dims, start[1], strict=True):
+        low, high = float(data[name][0]), float(data[name][-1])
+        if not low - 1e-9 <= value <= high + 1e-9:
+            return None
+    return start
+
+
 def axis_label(data: xr.Dataset, name: str) -> str:
     """Name and unit of a coordinate."""
     unit = data[name].attrs.get("units", "")

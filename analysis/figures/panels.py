@@ -20,7 +20,7 @@ from closedchain.analysis.figures.palette import (
     axis_label,
     blank_colour,
     colour_range,
-    start_of,
+    start_within,
     statuses_of,
 )
 from closedchain.analysis.figures.ticks import calm_ticks
@@ -49,8 +49,13 @@ def draw_panel(
     name: str,
     measure: Measure,
     scheme: Scheme = COLOURED,
+    *,
+    small: bool = False,
 ) -> None:
-    """Fill the axes, polar ones for tilt and azimuth, with one variable of a map."""
+    """Fill the axes, polar ones for tilt and azimuth, with one variable of a map.
+
+    A ``small`` panel has no second scale in degrees.
+    """
     first, second = _order(ax, [str(d) for d in data["status"].dims])
     x, y = data[first].to_numpy(), data[second].to_numpy()
     edges = _edges(x), _edges(y)
@@ -73,7 +78,7 @@ def draw_panel(
         unit = data[name].attrs.get("units", "1")
         unit = "dimensionless" if unit == "1" else f"[{unit}]"
         # an inset is as high as the panel, whatever its aspect
-        beside = ax.inset_axes(_bar_place(ax, data, first, second))
+        beside = ax.inset_axes(_bar_place(ax, data, first, second, small=small))
         bar = ax.figure.colorbar(mesh, cax=beside, extend=open_end)
         about = f"{measure.label}" if unit in measure.label else f"{measure.label} ({unit})"
         bar.set_label("\n".join(textwrap.wrap(about, 48)), fontsize=8)
@@ -81,11 +86,11 @@ def draw_panel(
         ax.set_title(name.replace("_", " "), fontsize=10)
     for found in sets:
         draw_set(ax, found, [found.over.index(n) for n in (first, second)], scheme)
-    start = start_of(data)
+    start = start_within(data)
     if start is not None:
         place = dict(zip(data["status"].dims, start[1], strict=True))
         mark_start(ax, place[first], place[second])
-    _frame(ax, data, first, second)
+    _frame(ax, data, first, second, degrees=not small)
 
 
 def draw_set(
@@ -188,7 +193,7 @@ def _hatch(ax: Axes, edges: tuple[np.ndarray, np.ndarray], where: np.ndarray, pa
 
 
 def _bar_place(
-    ax: Axes, data: xr.Dataset, first: str, second: str
+    ax: Axes, data: xr.Dataset, first: str, second: str, *, small: bool
 ) -> tuple[float, float, float, float]:
     """Left, bottom, width, height of the colour bar in panels: beyond a scale in degrees.
 
@@ -197,7 +202,7 @@ def _bar_place(
     if ax.name == "polar":
         return 1.14, 0.0, 0.04, 1.0
     width = min(1.0, _proportion(data, first, second) or 1.0)
-    gap = 0.12 if data[second].attrs.get("units") == "rad" else 0.03
+    gap = 0.12 if data[second].attrs.get("units") == "rad" and not small else 0.03
     return 1.0 + gap / width, 0.0, 0.04 / width, 1.0
 
 
@@ -209,7 +214,7 @@ def _proportion(data: xr.Dataset, first: str, second: str) -> float | None:
     return ratio if alike and 1.0 / MOST_UNEQUAL <= ratio <= MOST_UNEQUAL else None
 
 
-def _frame(ax: Axes, data: xr.Dataset, first: str, second: str) -> None:
+def _frame(ax: Axes, data: xr.Dataset, first: str, second: str, *, degrees: bool) -> None:
     x, y = data[first].to_numpy(), data[second].to_numpy()
     if ax.name == "polar":
         _frame_polar(ax, x, y)
@@ -222,7 +227,7 @@ def _frame(ax: Axes, data: xr.Dataset, first: str, second: str) -> None:
     )
     ax.set_aspect("auto" if _proportion(data, first, second) is None else "equal")
     calm_ticks(ax)
-    turns = [data[name].attrs.get("units") == "rad" for name in (first, second)]
+    turns = [degrees and data[name].attrs.get("units") == "rad" for name in (first, second)]
     add_degrees(ax, x=turns[0], y=turns[1])
 
 

@@ -16,6 +16,7 @@ from closedchain.analysis.figures.palette import (
     Scheme,
     axis_label,
     start_of,
+    start_within,
 )
 from closedchain.analysis.figures.panels import mark_start
 from closedchain.analysis.singularity.sets.mesh_fit import Fit
@@ -74,7 +75,7 @@ def draw_space(
             if len(line) == 1:
                 style = {"marker": MARKERS[found.kind], "ms": 4}
             ax.plot(*points[line].T, color=colour, **style)
-    start = start_of(data)
+    start = start_within(data)
     if start is not None:
         mark_start(ax, *start[1])
     for axis, name in zip("xyz", names, strict=True):

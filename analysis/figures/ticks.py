@@ -8,7 +8,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 MOST = 9  # intervals along an axis to begin with
-FEWEST = 2
+FEWEST = 1
 APART = 2.0  # pixels between labels
 
 

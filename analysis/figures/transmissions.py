@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from closedchain.analysis.figures.saving import save_figure, words_of
+from closedchain.analysis.figures.strokes import stroke
 from closedchain.urdf.errors import ClosureError
 from closedchain.urdf.extras import require
 
@@ -45,7 +47,7 @@ def draw_transmission(found: xr.Dataset, image: Path, dpi: int = 130) -> None:
     shown = (found["reached"] & found["within"]).values.all() or len(joints) < 2
     grey = "" if shown else "; grey: out of reach, or motors beyond their limits"
     figure.suptitle(f"{found.attrs['mechanism']}: {', '.join(joints)}{grey}")
-    figure.savefig(image, dpi=dpi)
+    save_figure(figure, image, words_of(figure), dpi)
 
 
 def _panels(found: xr.Dataset, joints: list[str]) -> list[tuple[str, dict[str, np.ndarray]]]:
@@ -75,8 +77,8 @@ def _lines(
     ax: Any, found: xr.Dataset, joint: str, label: str, lines: dict[str, np.ndarray]
 ) -> None:
     at = found[joint]
-    for name, values in lines.items():
-        ax.plot(at.values, values, label=name or None)
+    for i, (name, values) in enumerate(lines.items()):
+        ax.plot(at.values, values, label=name or None, **stroke(i))
     if len(lines) > 1:
         ax.legend()
     ax.set_xlabel(f"{joint} [{at.attrs['units']}]")

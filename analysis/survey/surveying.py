@@ -20,6 +20,7 @@ from closedchain.analysis.singularity.sets.finding import set_of
 from closedchain.analysis.singularity.sets.lattice import Lattice, lattice_of
 from closedchain.analysis.singularity.sets.meeting import meeting
 from closedchain.analysis.singularity.sets.singular_set import KINDS, SingularitySet
+from closedchain.analysis.survey.captions import caption
 from closedchain.analysis.survey.plan import (
     Names,
     Range,
@@ -294,15 +295,16 @@ def _slice(
         workers=workers,
         measures=measures,
     )
-    if mode is not None and not at:
-        found.attrs["start"] = f"mode {mode}"
     grid = grid_of(mechanism, axes, dict(at) or None, outputs=names, mode=mode)
     added = set(measures)
     arrays = {str(n): found[n].to_numpy() for n in found.data_vars if n not in added}
     postures = variable_name("q", tuple(axes))
     arrays["q"] = found[postures].to_numpy()
     lattice = lattice_of(grid, arrays, names)
-    return Slice(found.drop_vars(postures), _sets(lattice, kinds, names, report))
+    sets = _sets(lattice, kinds, names, report)
+    found = found.drop_vars(postures)
+    found.attrs["caption"] = caption(found, sets)
+    return Slice(found, sets)
 
 
 def _sets(

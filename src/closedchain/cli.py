@@ -332,7 +332,8 @@ def singularities(
     page = out / f"{re.sub(r'[^A-Za-z0-9._-]', '_', mechanism.name)}.html"
     page.write_text(survey_page(found, start, up=arguments.up_axis(robot)), encoding="utf-8")
     files = {**written, page.name: page}
-    text = [*found.notes, f"At home: {found.redundancy.text}"]
+    captions = [str(part.map.attrs["caption"]) for part in found.slices]
+    text = [*captions, *found.notes, *found.details, f"At home: {found.redundancy.text}"]
     index = write_index(found.title, files, text, found.summary())
     reports.survey(found, {**files, index.name: index}, json, details=details)
 
@@ -357,6 +358,9 @@ def plot(
     out: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Image; map.png in the folder by default.")
     ] = None,
+    grey: Annotated[
+        bool, typer.Option("--grey", help="Without colours, for print: kinds differ by dashes.")
+    ] = False,
 ) -> None:
     """Draw the results of a folder again, from its files alone."""
     from closedchain.analysis.figures.drawing import draw_survey
@@ -364,8 +368,9 @@ def plot(
 
     require("figures are drawn from datasets", "maps", "figures")
     image = arguments.image_file(folder, out, image_format)
-    draw_survey(read_results(folder), image, measures=measure or None, dpi=dpi)
-    say(str(image))
+    results = read_results(folder)
+    for page in draw_survey(results, image, measures=measure or None, dpi=dpi, grey=grey):
+        say(str(page))
 
 
 app.command()(reads_a_file(follow))

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from closedchain.analysis.figures.saving import save_figure, words_of
+from closedchain.analysis.figures.strokes import COLOURS, DASHES
 from closedchain.analysis.motion.follow.result import Follow
 from closedchain.urdf.errors import ClosureError
 from closedchain.urdf.extras import require
@@ -21,9 +23,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 DPI = 130
-# Okabe and Ito's palette, told apart with any colour vision; without its yellow, faint on white
-COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
-DASHES = ("-", "--", "-.", ":", (0, (5, 1, 1, 1, 1, 1)), (0, (8, 2)), (0, (3, 1)))
 GREY = "#666666"
 _STILL = 1e-9  # m or rad: inputs that move less are drawn at rest
 
@@ -102,7 +101,7 @@ def draw_follow(
     _frame(axes, run)
     figure.suptitle(_heading(run, title))
     if path is not None:
-        figure.savefig(path, dpi=dpi)
+        save_figure(figure, path, words_of(figure), dpi)
     return figure
 
 
@@ -145,7 +144,7 @@ def draw_inputs(
         figure.legend(*entries, loc="outside lower center", ncols=6, frameon=False, fontsize=9)
     figure.suptitle(_heading(run, title))
     if path is not None:
-        figure.savefig(path, dpi=dpi)
+        save_figure(figure, path, words_of(figure), dpi)
     return figure
 
 
