@@ -64,6 +64,9 @@ def test_every_public_name_is_in_the_reference_once(source: Path) -> None:
     text = "".join(page.read_text() for page in (source / "reference").glob("*.md"))
     listed = re.findall(r"^::: closedchain\.(\w+)$", text, re.M)
     assert sorted(listed) == sorted(cc.__all__)
+    named = re.findall(r"^::: (closedchain(?:\.\w+){2,})$", text, re.M)
+    assert named == reference.parts()
+    assert "closedchain.closure.ranks.Rank" in named
     for name in cc.__all__:
         assert (
             f"[`cc.{name}`](reference/{reference.topic(name)}.md#closedchain.{name}) | "
