@@ -6,6 +6,7 @@ import dataclasses
 import inspect
 import re
 import sys
+from importlib.util import find_spec
 from pathlib import Path
 
 from typer.testing import CliRunner
@@ -83,6 +84,13 @@ def members(wanted: str) -> list[str]:
     return sorted(names, key=lambda name: (inspect.isclass(getattr(cc, name)), name.lower()))
 
 
+def path(name: str) -> str:
+    """Full name under which a public name is documented: ``cc.robots`` is not the folder."""
+    if find_spec(f"closedchain.{name}") is None:
+        return f"closedchain.{name}"
+    return f"{getattr(cc, name).__module__}.{name}"
+
+
 def parts() -> list[str]:
     """Classes that the fields of public ones hold and ``cc`` does not name, by their full names."""
     found = set()
@@ -105,7 +113,7 @@ def write(root: Path, source: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     (source / "reference.md").write_text(_overview(), encoding="utf-8")
     for key, (title, sentence) in TOPICS.items():
-        entries = "\n\n".join(f"::: closedchain.{name}" for name in members(key))
+        entries = "\n\n".join(f"::: {path(name)}" for name in members(key))
         (folder / f"{key}.md").write_text(f"# {title}\n\n{sentence}\n\n{entries}\n")
     sentence = "What the fields of results hold. Nobody makes these by hand."
     entries = "\n\n".join(f"::: {name}" for name in parts())
@@ -123,7 +131,7 @@ def _overview() -> str:
     ]
     for key, (title, _) in TOPICS.items():
         rows = [
-            f"| [`cc.{name}`](reference/{key}.md#closedchain.{name}) | {_first_sentence(name)} |"
+            f"| [`cc.{name}`](reference/{key}.md#{path(name)}) | {_first_sentence(name)} |"
             for name in members(key)
         ]
         told += [f"## {title}", "\n".join(["| name | what it is |", "|---|---|", *rows])]
