@@ -39,6 +39,12 @@ class TaskFrame:
     ``outputs``: x y z are the velocity of the tip's origin, rx ry rz its angular velocity. With
     all three rotations, or none, components are along the world's axes; with one or two, along the
     tip's own axes, so that "x y z rx rz" is a position and the direction of the tip's y axis.
+
+    Examples
+    --------
+    >>> task = cc.load("linear_delta").task
+    >>> task.base, task.tip, task.outputs
+    ('base', 'P', ('x', 'y', 'z'))
     """
 
     base: str

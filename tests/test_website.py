@@ -62,13 +62,14 @@ def test_a_new_page_is_a_guide_until_it_has_a_place(source: Path) -> None:
 
 def test_every_public_name_is_in_the_reference_once(source: Path) -> None:
     text = "".join(page.read_text() for page in (source / "reference").glob("*.md"))
-    listed = re.findall(r"^::: closedchain\.(\w+)$", text, re.M)
-    assert sorted(listed) == sorted(cc.__all__)
-    for name in cc.__all__:
-        assert (
-            f"[`cc.{name}`](reference/{reference.topic(name)}.md#closedchain.{name}) | "
-            in (source / "reference.md").read_text()
-        )
+    listed = re.findall(r"^::: ([\w.]+)$", text, re.M)
+    public = [reference.path(name) for name in cc.__all__]
+    assert sorted(listed) == sorted([*public, *reference.parts()])
+    assert reference.path("robots") == "closedchain.robots.catalogue.robots"  # not the folder
+    assert "closedchain.closure.ranks.Rank" in reference.parts()
+    overview = (source / "reference.md").read_text()
+    for name, full in zip(cc.__all__, public, strict=True):
+        assert f"[`cc.{name}`](reference/{reference.topic(name)}.md#{full}) | " in overview
 
 
 def test_every_command_is_in_the_reference(source: Path) -> None:

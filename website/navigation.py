@@ -20,7 +20,7 @@ GUIDES = {
 REST = "Further"
 """Heading of guides that stand nowhere else."""
 THEORY = "theory structure tape"
-REFERENCE = [*(f"reference/{topic}" for topic in TOPICS), "reference/commands"]
+REFERENCE = [*(f"reference/{topic}" for topic in TOPICS), "reference/parts", "reference/commands"]
 PROJECT = "architecture benchmarks contributing changelog"
 
 

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import dataclasses
 import inspect
 import re
+import sys
+from importlib.util import find_spec
 from pathlib import Path
 
 from typer.testing import CliRunner
@@ -81,19 +84,45 @@ def members(wanted: str) -> list[str]:
     return sorted(names, key=lambda name: (inspect.isclass(getattr(cc, name)), name.lower()))
 
 
+def path(name: str) -> str:
+    """Full name under which a public name is documented: ``cc.robots`` is not the folder."""
+    if find_spec(f"closedchain.{name}") is None:
+        return f"closedchain.{name}"
+    return f"{getattr(cc, name).__module__}.{name}"
+
+
+def parts() -> list[str]:
+    """Classes that the fields of public ones hold and ``cc`` does not name, by their full names."""
+    found = set()
+    for public in (getattr(cc, name) for name in cc.__all__):
+        if not dataclasses.is_dataclass(public):
+            continue
+        names = vars(sys.modules[public.__module__])
+        shown = [f for f in dataclasses.fields(public) if f.repr or f.name == "description"]
+        for word in re.findall(r"[A-Za-z_]\w*", " ".join(str(field.type) for field in shown)):
+            held = names.get(word)
+            if inspect.isclass(held) and held.__module__.startswith("closedchain."):
+                found.add(f"{held.__module__}.{held.__name__}")
+    public_ones = {f"{getattr(cc, name).__module__}.{name}" for name in cc.__all__}
+    return sorted(found - public_ones, key=lambda name: name.rpartition(".")[2].lower())
+
+
 def write(root: Path, source: Path) -> None:
     """Write the pages of the reference."""
     folder = source / "reference"
     folder.mkdir(parents=True, exist_ok=True)
     (source / "reference.md").write_text(_overview(), encoding="utf-8")
     for key, (title, sentence) in TOPICS.items():
-        entries = "\n\n".join(f"::: closedchain.{name}" for name in members(key))
+        entries = "\n\n".join(f"::: {path(name)}" for name in members(key))
         (folder / f"{key}.md").write_text(f"# {title}\n\n{sentence}\n\n{entries}\n")
+    sentence = "What the fields of results hold. Nobody makes these by hand."
+    entries = "\n\n".join(f"::: {name}" for name in parts())
+    (folder / "parts.md").write_text(f"# Parts of results\n\n{sentence}\n\n{entries}\n")
     (folder / "commands.md").write_text(_commands(), encoding="utf-8")
 
 
 def _overview() -> str:
-    parts = [
+    told = [
         "# Reference",
         "Every public name, with an example that the tests run. The examples begin with",
         "```python\nimport numpy as np\n\nimport closedchain as cc\n```",
@@ -102,11 +131,12 @@ def _overview() -> str:
     ]
     for key, (title, _) in TOPICS.items():
         rows = [
-            f"| [`cc.{name}`](reference/{key}.md#closedchain.{name}) | {_first_sentence(name)} |"
+            f"| [`cc.{name}`](reference/{key}.md#{path(name)}) | {_first_sentence(name)} |"
             for name in members(key)
         ]
-        parts += [f"## {title}", "\n".join(["| name | what it is |", "|---|---|", *rows])]
-    return "\n\n".join(parts) + "\n"
+        told += [f"## {title}", "\n".join(["| name | what it is |", "|---|---|", *rows])]
+    text = "\n\n".join(told) + "\n"
+    return text + "\n[Parts of results](reference/parts.md) has the classes of their fields.\n"
 
 
 def _first_sentence(name: str) -> str:
@@ -118,8 +148,8 @@ def _commands() -> str:
     runner = CliRunner()
     overview = runner.invoke(app, ["--help"], prog_name="closedchain").stdout
     names = re.findall(r"^ *\W? *([a-z][a-z-]+) {2,}\S", overview.split("Commands")[-1], re.M)
-    parts = ["# Commands", "What `closedchain COMMAND --help` prints."]
+    page = ["# Commands", "What `closedchain COMMAND --help` prints."]
     for name in names:
         told = runner.invoke(app, [name, "--help"], prog_name="closedchain").stdout.strip("\n")
-        parts += [f"## closedchain {name}", f"```text\n{told}\n```"]
-    return "\n\n".join(parts) + "\n"
+        page += [f"## closedchain {name}", f"```text\n{told}\n```"]
+    return "\n\n".join(page) + "\n"

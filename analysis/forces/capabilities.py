@@ -32,6 +32,15 @@ class Ellipsoid:
         Directions in the world, one a column, the longest first.
     radii : (3,) array
         Half lengths; infinite where nothing bounds.
+
+    Examples
+    --------
+    >>> m = cc.load("linear_delta")
+    >>> push = cc.capabilities(m, m.home).force
+    >>> print(np.abs(push.axes[:, 0]).round(3))  # the platform pushes hardest along z
+    [0. 0. 1.]
+    >>> print(push.radii.round(3))  # [N] by efforts with sum of squares 1
+    [1.732 0.535 0.535]
     """
 
     axes: np.ndarray

@@ -33,7 +33,16 @@ HALVINGS = 60
 
 @dataclass(frozen=True)
 class Event:
-    """Something that happened: when [s], its kind and a sentence."""
+    """Something that happened: when [s], its kind and a sentence.
+
+    Examples
+    --------
+    >>> m = cc.with_inertias(cc.load("linear_delta"))
+    >>> push = np.full(3, 2e4)  # [N], upwards, until the sliders meet their ends
+    >>> r = cc.simulate(m, m.home, None, push, until=2.0)
+    >>> r.events[-1].kind, 0.0 < r.events[-1].t < 2.0
+    ('limit', True)
+    """
 
     t: float
     kind: str

@@ -36,6 +36,13 @@ class End:
     text : str
     ending : Ending
         What kind of end it was for the tracer.
+
+    Examples
+    --------
+    >>> m = cc.load("d1")
+    >>> down = cc.self_motion(m, m.home, "x y z rx rz").ends[1]
+    >>> down.how, down.joint
+    ('joint limit', 'q1')
     """
 
     how: str
