@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import html
+import itertools
 import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
@@ -13,14 +14,16 @@ from numpy.typing import ArrayLike
 
 from closedchain.closure import Mechanism
 from closedchain.closure.code.exporting import export_code
+from closedchain.closure.generic import sampled_rank
 from closedchain.closure.singularity_kinds import COMBINED, KINDS, TYPES
 from closedchain.robots._layers import Reach, draw_layers, joint_names, layer_switches
 from closedchain.robots._page import Fragment, data_script, json_in_script, resource
-from closedchain.robots._planes import plane_data, plane_maps
+from closedchain.robots._planes import local_map, plane_data, plane_maps
 from closedchain.robots._player import moving
 from closedchain.robots._recorder import TO_Z
 from closedchain.robots._scene import Scene
 from closedchain.robots.controls import Controls, PostureSeries
+from closedchain.robots.overlays import DASHES, PALETTE
 from closedchain.urdf.description import OUTPUTS
 from closedchain.urdf.errors import ClosureError
 
@@ -33,7 +36,7 @@ NEAR = 0.03
 """Singular value below which a way that stops is said to have met a singularity."""
 
 SCRIPTS = (
-    "angles", "instrument", "readouts", "maps", "choosing", "layers", "console",
+    "angles", "instrument", "readouts", "maps", "choosing", "local_map", "layers", "console",
 )  # fmt: skip
 LOAD = ("fx", "fy", "fz", "mx", "my", "mz")
 TURN = math.pi
@@ -79,6 +82,7 @@ def controls(mechanism: Mechanism, q: np.ndarray, scene: Scene, offered: Control
     knobs = list(_knobs(mechanism, bodies.size))
     measured = bool(mechanism.inputs) and mechanism.task is not None
     reach = Reach.of(mechanism.outputs()) if measured else None
+    pairs = _pairs(knobs) if measured else []
     used, parts, sticks = moving(bodies)
     layers = draw_layers(scene, mechanism, measured=measured)
     parts += layers.parts(used)
@@ -88,7 +92,13 @@ def controls(mechanism: Mechanism, q: np.ndarray, scene: Scene, offered: Control
         "parts": parts,
         "sticks": sticks,
         "moves": {"direct": bool(mechanism.inputs), "inverse": mechanism.task is not None},
-        "knobs": [{"way": k.way, "at": k.at} for k in knobs],
+        "knobs": [{"way": k.way, "at": k.at, "name": k.name} for k in knobs],
+        "pairs": pairs,
+        "unsigned": mechanism.rows > sampled_rank(mechanism).rank.value,
+        "strokes": {
+            kind: {"colour": PALETTE[kind], "dashes": " ".join(map(str, DASHES[kind])) or "none"}
+            for kind in ("direct", "inverse")
+        },
         "postures": [posture.tolist() for posture in places.values()],
         "modes": [{"name": name, "posture": one.tolist()} for name, one in modes.items()],
         "series": [{"q": one.q.tolist(), "points": one.points.tolist()} for one in series],
@@ -114,6 +124,7 @@ def controls(mechanism: Mechanism, q: np.ndarray, scene: Scene, offered: Control
         + _lists(places, modes)
         + _readouts(mechanism, reach)
         + plane_maps(offered.planes)
+        + local_map(len(offered.planes), [f"{knobs[i].name} × {knobs[j].name}" for i, j in pairs])
         + _series_rows(series)
         + (_load(mechanism) if measured else "")
         + layer_switches(layers, reach)
@@ -159,6 +170,16 @@ def _knobs(mechanism: Mechanism, size: float) -> Iterator[Knob]:
             yield Knob("inverse", at, name, "m", place[at] - size, place[at] + size)
         else:
             yield Knob("inverse", at, ANGLES[at - 3], "rad", -TURN, TURN)
+
+
+def _pairs(knobs: Sequence[Knob]) -> list[tuple[int, int]]:
+    """Pairs of knobs that a map may be over: two inputs, or two coordinates of the tip's place."""
+    every = itertools.combinations(enumerate(knobs), 2)
+    return [
+        (i, j)
+        for (i, one), (j, other) in every
+        if one.way == other.way and (one.way == "direct" or max(one.at, other.at) < 3)
+    ]
 
 
 def _closed_postures(mechanism: Mechanism) -> dict[str, np.ndarray]:

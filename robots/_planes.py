@@ -56,7 +56,8 @@ def _map(i: int, plane: Plane) -> str:
         f'<svg class="plane" id="plane-{i}" viewBox="0 0 {SIZE:g} {SIZE:g}" tabindex="0" '
         f'role="img" aria-label="map of {across} and {up}: a click or arrow keys lead there">'
         f'{lines}<g id="mark-{i}"><circle class="mark" r="5"/></g></svg>\n'
-        f'<p class="ends"><span>{left:.4g} to {right:.4g}, {low:.4g} to {high:.4g}</span> {legend}'
+        f'<p class="ends"><span>{across} {left:.4g} to {right:.4g}, {up} {low:.4g} to {high:.4g}'
+        f"</span> {legend}"
         f'<span id="other-{i}" hidden> other coordinates moved: the curves are of before</span>'
         "</p>\n"
     )
@@ -67,3 +68,20 @@ def _line(plane: Plane, kind: str, points: np.ndarray) -> str:
     places = SIZE * (points - plane.ranges[:, 0]) / span
     drawn = " ".join(f"{x:.2f},{SIZE - y:.2f}" for x, y in places)
     return f'<polyline points="{drawn}" {stroke(PALETTE[kind], DASHES[kind])}/>'
+
+
+def local_map(number: int, names: Sequence[str]) -> str:
+    """Place of the map that the page makes around its posture, over one of some pairs by name."""
+    if not names:
+        return ""
+    options = "".join(f"<option>{html.escape(name)}</option>" for name in names)
+    return (
+        '<div class="buttons"><select id="pairs" aria-label="map around here over">'
+        f"<option>map around here over ...</option>{options}</select></div>\n"
+        f'<div id="local" hidden><svg class="plane" id="plane-{number}" tabindex="0" '
+        f'viewBox="0 0 {SIZE:g} {SIZE:g}" role="img" aria-label="map around here: a click or arrow '
+        f'keys lead there"><g id="local-cells"></g><g id="mark-{number}">'
+        '<circle class="mark" r="5"/></g></svg><p class="ends"><span id="local-ends"></span>. '
+        f'<span id="local-legend"></span><span id="other-{number}" hidden>; other coordinates '
+        "moved: it is of before</span></p></div>\n"
+    )

@@ -2,7 +2,7 @@
 
 globalThis.instrument = {
   posture: () => Array.from(q), measure: () => robot.measure(q), classify: () => robot.classify(q),
-  toInputs, toPose, toPosture, toOtherSide, goTo, robot,
+  toInputs, toPose, toPosture, toOtherSide, goTo, mapOver, robot,
   onScreen: (point) => inScene(point), inputs: robot.inputs, coordinates: robot.coordinates,
 };
 show();

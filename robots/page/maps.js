@@ -1,11 +1,13 @@
 // -- small maps of two coordinates: the mark is where the robot is, a click leads there ----------
 
-const first = current();
+// A plane has `axes`, coordinates of one way; their `ranges`; and where the robot stood `before`,
+// when its curves were found.
 const SIDE = 200;
+const planes = data.planes.map((plane) => ({...plane, before: current()}));
 
 function markPlanes(now) {
-  data.planes.forEach(({axes, ranges}, i) => {
-    const [{way}] = axes, here = now[way], before = first[way];
+  planes.forEach(({axes, ranges, before: stood}, i) => {
+    const [{way}] = axes, here = now[way], before = stood[way];
     const shares = axes.map(({at}, k) => {
       const [low, high] = ranges[k];
       return (here[at] - low) / (high - low);
@@ -29,21 +31,23 @@ function toPlace({axes, ranges}, shares) {
   return way === "direct" ? toInputs(goal) : toPose(poseOf(goal));
 }
 
-data.planes.forEach((plane, i) => {
+function listenTo(i) {
   const map = element(`plane-${i}`);
   map.addEventListener("click", (event) => {
     const {left, top, width, height} = map.getBoundingClientRect();
-    toPlace(plane, [(event.clientX - left) / width, 1 - (event.clientY - top) / height]);
+    toPlace(planes[i], [(event.clientX - left) / width, 1 - (event.clientY - top) / height]);
   });
   const steps = {ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1]};
   map.addEventListener("keydown", (event) => {
     const step = steps[event.key];
     if (step === undefined) return;
     event.preventDefault();
-    const {axes, ranges} = plane, here = current()[axes[0].way];
-    toPlace(plane, axes.map(({at}, k) => {
+    const {axes, ranges} = planes[i], here = current()[axes[0].way];
+    toPlace(planes[i], axes.map(({at}, k) => {
       const [low, high] = ranges[k];
       return (here[at] - low) / (high - low) + 0.02 * step[k];
     }));
   });
-});
+}
+
+planes.forEach((_, i) => listenTo(i));

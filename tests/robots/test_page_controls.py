@@ -422,6 +422,37 @@ def test_a_plane_shows_where_it_is_and_leads_elsewhere(
         assert re.search(rf'<polyline[^>]*stroke="{PALETTE[name]}"[^>]*dasharray="{dash}"', page)
 
 
+def test_a_map_around_here_follows_the_branch(browser: Browser, tmp_path: Path) -> None:
+    """The cells that it reaches are those that Python reaches; its line is where det_inverse is 0."""
+    m = cc.load("rpa3t")
+    with opened(browser, static_page(m, controls=True), tmp_path):
+        ask(browser, "element('pairs').selectedIndex = 1;"
+            "element('pairs').dispatchEvent(new Event('change'));")  # fmt: skip
+        told = ask(browser, "return [element('pairs').options[1].textContent, text('local')];")
+        cells = ask(browser, "return await instrument.mapOver([0, 1]);")
+        ends, legend = ask(browser, "return [text('local-ends'), text('local-legend')];")
+        lines = ask(
+            browser,
+            "return [...document.querySelectorAll('#local-cells polyline')].map((line) =>"
+            "line.getAttribute('points').split(' ').map((p) => p.split(',').map(Number)));",
+        )
+        x, y = lines[0][len(lines[0]) // 2]
+        browser.click("#plane-0", (x / 200, y / 200))
+        there = posture(browser)
+    assert told[0] == "theta1 × theta2"
+    assert "inverse singularities" in legend
+    ranges = np.array([float(x) for x in re.findall(r"-?[\d.]+(?= to|;|$)", ends)]).reshape(2, 2)
+    axes = [np.linspace(low, high, 31) for low, high in ranges]
+    reached = np.array([[one is not None for one in column] for column in cells]).ravel()
+    assert 100 < reached.sum() < 900
+    known = cc.singularity_map(
+        m, {"theta1": axes[0], "theta2": axes[1]}, progress=False, keep_q=False
+    )
+    ok = (known["status"] == 0).to_numpy().ravel()
+    assert (ok != reached).mean() < 0.05  # at the edge one more or one less
+    assert cc.classify(m, there).sigma_inverse < 0.02 < cc.classify(m, m.home).sigma_inverse
+
+
 @pytest.mark.parametrize(
     ("make", "message"),
     [
