@@ -246,7 +246,7 @@ class Transmission:
         limits : (m,) or (2, m) array
             Largest motor efforts [N, N m]; or the least and the largest.
         """
-        return np.einsum("...mk,cm->...ck", self.jacobian(joint_positions), self._corners(limits))
+        return np.einsum("...mk,cm->...ck", self.jacobian(joint_positions), self.corners(limits))
 
     def effort_limits(self, joint_positions: ArrayLike, limits: ArrayLike) -> np.ndarray:
         """Least and largest effort of each joint with the others at zero, (2, k) or (n, 2, k).
@@ -322,7 +322,8 @@ class Transmission:
             raise ClosureError(f"limits must be ({m},) or (2, {m}) numbers, the least first")
         return found
 
-    def _corners(self, limits: ArrayLike) -> np.ndarray:
+    def corners(self, limits: ArrayLike) -> np.ndarray:
+        """Motor efforts (2^m, m) with each at one of its limits, (m,) or (2, m)."""
         return np.array(list(product(*self.low_high(limits).T)))
 
     @cached_property

@@ -29,6 +29,7 @@ NEAR = 1e-5  # share of the largest singular value of K that the least has at a 
 MOST = 200_000  # steps
 SAMPLES = 101
 HALVINGS = 60
+TOGETHER = 1e-9  # metres or radians by which joints may miss their limits that meet them at once
 
 
 @dataclass(frozen=True)
@@ -274,11 +275,21 @@ class _Run:
                 break
             tried, _ = self.stepper.step(before, middle)
             here = beyond_limits(m, tried.q)
-            names = here or names
             inside, low, high = (inside, low, middle) if here else (tried, middle, high)
+        names = self._at_their_limits(inside.q, names)
         text = f"a joint meets its limit: {', '.join(names)}, at {inside.t:.6g} s"
         self.events.append(Event(inside.t, "limit", text))
         return inside, text
+
+    def _at_their_limits(self, q: np.ndarray, names: tuple[str, ...]) -> tuple[str, ...]:
+        """Which of the joints that a step takes beyond their limits are there, in their order."""
+        model, (lower, upper) = (
+            self.stepper.plant.mechanism.model,
+            self.stepper.plant.mechanism.limits,
+        )
+        at = {name: model.idx_qs[model.getJointId(name)] for name in names}
+        gaps = {n: min(abs(q[i] - lower[i]), abs(q[i] - upper[i])) for n, i in at.items()}
+        return tuple(n for n, gap in gaps.items() if gap <= min(gaps.values()) + TOGETHER)
 
     def _look_for_singularities(self, before: State, after: State) -> State | None:
         """Note singularities in a step: determinants of steady orientation that change sign.

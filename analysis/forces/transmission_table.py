@@ -48,8 +48,8 @@ def transmission_table(
         Over the joints by name: ``reached``, ``within`` (motors within their limits), ``motor``,
         ``jacobian``, ``toggle``, ``reflected_inertia``; with as many motors as joints
         ``same_side`` (det J has the sign it has at home, else a toggle lies between); with limits
-        given ``effort_limits`` and ``speed_limits``. What does not exist at a position is missing
-        there (NaN).
+        given ``effort_limits`` and ``effort_corners``, ``speed_limits``. What does not exist at a
+        position is missing there (NaN).
 
     Raises
     ------
@@ -119,6 +119,8 @@ def _add_measures(
         found = np.full((len(rates), 2, k), np.nan)
         found[regular] = effort_limits(rates[regular], of.low_high(efforts))
         data["effort_limits"] = ((*over, "side", "joints"), found.reshape(*shape, 2, k))
+        corners = np.einsum("nmk,cm->nck", rates, of.corners(efforts))
+        data["effort_corners"] = ((*over, "corner", "joints"), corners.reshape(*shape, -1, k))
     if speeds is not None:
         slow = np.full((len(rates), k), np.nan)
         slow[regular] = speed_limits(rates[regular], of.top_speeds(speeds))

@@ -39,6 +39,17 @@ NoXacro = Annotated[
     typer.Option("--no-xacro", help="Read plain URDF only; xacro in a file runs as Python code."),
 ]
 NoGravity = Annotated[bool, typer.Option("--no-gravity", help="Without weights.")]
+Wrench = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar='[FRAME=]"fx fy fz mx my mz"',
+        help="Force and moment [N, N m] on the robot along the world's axes, at the tip or at a "
+        "named frame (several may be given).",
+    ),
+]
+Payload = Annotated[
+    list[str] | None, typer.Option(metavar="FRAME=KG", help="Point mass at a named frame.")
+]
 Density = Annotated[
     float | None,
     typer.Option(
