@@ -11,9 +11,10 @@ from functools import cached_property
 
 import numpy as np
 
-from closedchain.closure.modes.complex_equations import ComplexEquations
+from closedchain.closure.modes.complex_equations import ComplexEquations, normalised
 from closedchain.closure.modes.newton_steps import NewtonSteps, newton_steps
 from closedchain.closure.modes.places import random_place, random_postures
+from closedchain.closure.solve.problem import POSE
 from closedchain.closure.solve.square_systems import solutions
 
 SAMPLES = 6
@@ -97,6 +98,48 @@ class Block:
         v = [problem.free[c] for c in self.columns]
         at = [i for i, one in enumerate(v) if one in number]
         return np.array(at, dtype=int), np.array([number[v[i]] for i in at], dtype=int)
+
+    def settle(self, q: np.ndarray, targets: np.ndarray) -> None:
+        """Write into postures (n, nq) the joints that targets pin; unit quaternions everywhere."""
+        problem = self.equations.problem
+        pins = len(problem.pinned)
+        for i in range(len(problem.goals)):
+            at = slice(pins + POSE * i + 3, pins + POSE * (i + 1))
+            targets[:, at] = normalised(targets[:, at])
+        q[:, problem.pinned_q] = targets[:, :pins]
+        model = problem.mechanism.model
+        for j in range(1, model.njoints):
+            if model.nqs[j] == 7:
+                at = slice(model.idx_qs[j] + 3, model.idx_qs[j] + 7)
+                q[:, at] = normalised(q[:, at])
+
+    def far(self, q: np.ndarray, length: float, high: float) -> np.ndarray:
+        """Which postures (n, nq) have lengths, or imaginary parts of angles, beyond bounds, (n,).
+
+        Lengths are dimensionless.
+        """
+        part = q[:, self.own]
+        lengths, angles, others = self._kinds
+        found = ~np.isfinite(part).all(axis=1)
+        unit = self.equations.problem.mechanism.length
+        found |= (np.abs(part[:, lengths]) > length * unit).any(axis=1)
+        found |= (np.abs(part[:, angles].imag) > high).any(axis=1)
+        found |= (np.abs(part[:, others]) > length).any(axis=1)
+        return np.asarray(found)
+
+    @cached_property
+    def _kinds(self) -> tuple[np.ndarray, ...]:
+        """Which of the block's numbers are lengths, angles, and parts of quaternions."""
+        m = self.equations.problem.mechanism
+        model = m.model
+        kind = np.zeros(model.nq, dtype=int)
+        for j in range(1, model.njoints):
+            first = model.idx_qs[j]
+            if model.nqs[j] == 1:
+                kind[first] = 0 if m.translational[model.idx_vs[j]] else 1
+            else:
+                kind[first + 3 : first + 7] = 2
+        return tuple(np.flatnonzero(kind[self.own] == k) for k in range(3))
 
     def size(self, q: np.ndarray, step: np.ndarray) -> np.ndarray:
         """Largest component (n,) of steps (n, k), of lengths relative to those that are long."""
