@@ -197,9 +197,10 @@ class Passages:
         c = self.covering
         begin, end = posts[:-1], posts[1:]
         side = np.argmax(c.beside[begin] == end[:, None], axis=1)
-        steps = c.window.onward(c.point[begin], side) - c.window.values(c.point[begin])
-        first = c.window.at[None]
-        return np.concatenate([first, first + np.cumsum(steps, axis=0)])
+        values = c.window.values(c.point[posts])
+        turns = np.round((c.window.onward(c.point[begin], side) - values[1:]) / TURN)
+        values[1:] += TURN * np.cumsum(turns, axis=0)
+        return values
 
     def _straightened(self, posts: np.ndarray, values: np.ndarray) -> np.ndarray:
         """Indices of posts between which straight ways lead, the farthest ones."""
