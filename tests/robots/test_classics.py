@@ -268,6 +268,16 @@ def test_delta_is_three_spheres(tol: Tolerances) -> None:
     assert len({tuple(np.round(mode, 9)) for mode in modes}) == 8
 
 
+def test_delta_with_upright_rods_is_loose() -> None:
+    """The couples of three pairs of upright rods are level, so that none of them is about z."""
+    m = cc.load("delta", home="0 0 -0.8", elbows="-1 -1 -1")
+    assert_close(np.cos(m.input_values(m.home)), np.full(3, -0.6), 1e-12)
+    assert freedoms(m, m.home) == (4, 3)  # it turns, and slides any way
+    assert cc.classify(m, m.home).kinds >= {"direct", "constraint"}
+    near = cc.load("delta", home="0 0 -0.75", elbows="-1 -1 -1")
+    assert freedoms(near, near.home) == (3, 0)
+
+
 def test_agile_eye_keeps_its_axes_at_right_angles(tol: Tolerances) -> None:
     """The middle axis of each leg, which its input turns, is square to the platform's."""
     m, e = cc.load("agile_eye"), np.eye(3)
