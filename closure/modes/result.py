@@ -193,9 +193,7 @@ class Postures:
             outputs=self.outputs,
             beyond_limits=self.beyond_limits,
         )
-        return connections_of(
-            modes, over, resolution=resolution, limits=limits, progress=progress
-        )
+        return connections_of(modes, over, resolution=resolution, limits=limits, progress=progress)
 
     def certificate(self, mechanism: Mechanism) -> dict[str, Any]:
         """What is proved, for a checker that shares nothing with us: plain numbers and names.

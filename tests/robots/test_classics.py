@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import json
 import math
 
 import numpy as np
 import pytest
 from conftest import Tolerances, assert_close
+from typer.testing import CliRunner
 
 import closedchain as cc
+from closedchain.cli import app
 from closedchain.robots import robot
 
 EVERY = [
@@ -107,6 +110,8 @@ def test_every_classic_is_counted_somewhere() -> None:
     [
         ("five_bar", {"rods": "0.3 0.01"}, "home"),
         ("three_rrr", {"arm": -0.1}, "arm"),
+        ("three_rrr", {"corners": "0 0 0.1 0"}, "corners"),
+        ("gough_stewart", {"tops": "0 0 1"}, "tops"),
         ("three_rpr", {"sides": "1 2 4"}, "sides"),
         ("three_upu", {"axes": "askew"}, "axes"),
         ("delta", {"home": "0 0 -2"}, "home"),
@@ -163,6 +168,19 @@ def test_equal_triangles_on_parallel_legs_are_loose_wherever_they_go(tol: Tolera
     assert s.converged
     assert freedoms(m, s.q) == (3, 2)
     assert_close(m.pose(s.q).rotation, np.eye(3), tol.algebra)
+
+
+@pytest.mark.slow
+def test_info_tells_motion_from_the_promise_of_the_rank() -> None:
+    def info(*words: str) -> str:
+        done = CliRunner().invoke(app, ["info", *words], catch_exceptions=False)
+        assert done.exit_code == 0
+        return " ".join(done.stdout.split())
+
+    assert "form sets of dimension 2 and of dimension 1." in info("wren")
+    assert json.loads(info("wren", "--json"))["mobility"]["finite"] == [2, 1]
+    assert json.loads(info("bennett", "--json"))["mobility"]["finite"] == [1]
+    assert "Not all of that is motion" not in info("three_upu", "--variant", "snu")
 
 
 def test_bennett_moves_only_with_his_sizes() -> None:

@@ -82,9 +82,7 @@ class Branches:
         way = follow(self.chart.problem, q, one, two, smallest)
         return way, self.judged(way, two)
 
-    def hasty(
-        self, q: np.ndarray, begin: np.ndarray, end: np.ndarray
-    ) -> tuple[Way, np.ndarray]:
+    def hasty(self, q: np.ndarray, begin: np.ndarray, end: np.ndarray) -> tuple[Way, np.ndarray]:
         """The same, up to the last posture before a singularity, or where only pivots fail."""
         one, two = self.chart.targets(begin), self.chart.targets(end)
         way = follower_of(self.chart.problem).run(q, one, two)

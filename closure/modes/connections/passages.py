@@ -121,9 +121,7 @@ class Passages:
                 self._within(own, good, failed)
         return good, failed
 
-    def _within(
-        self, own: list[int], good: list[Passage], failed: list[tuple[str, str]]
-    ) -> None:
+    def _within(self, own: list[int], good: list[Passage], failed: list[tuple[str, str]]) -> None:
         """Join modes of one part by a tree of passages."""
         modes = self.covering.modes
         apart = np.array([self._reach(i)[0][modes[own]] for i in own])
@@ -264,9 +262,7 @@ class Passages:
             found.append(begin + shares * (end - begin))
         return np.concatenate(found)
 
-    def _walked(
-        self, post: int, values: np.ndarray
-    ) -> tuple[np.ndarray | None, np.ndarray | None]:
+    def _walked(self, post: int, values: np.ndarray) -> tuple[np.ndarray | None, np.ndarray | None]:
         """Postures (s, nq) from one of the covering on along coordinates, and the last one's mark.
 
         Followed with all rows, by LAPACK; None where a step does not arrive.

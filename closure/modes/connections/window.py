@@ -157,9 +157,13 @@ def _range(name: str, given: object) -> Range:
     try:
         low, high = (float(x) for x in given)  # type: ignore[attr-defined]
     except (TypeError, ValueError):
-        raise ClosureError(f"the range of {name!r} must be (lowest, highest), got {given!r}") from None
+        raise ClosureError(
+            f"the range of {name!r} must be (lowest, highest), got {given!r}"
+        ) from None
     if not (np.isfinite([low, high]).all() and low < high):
-        raise ClosureError(f"the range of {name!r} must rise and be finite, got {low:g} to {high:g}")
+        raise ClosureError(
+            f"the range of {name!r} must rise and be finite, got {low:g} to {high:g}"
+        )
     return low, high
 
 
