@@ -18,6 +18,7 @@ from closedchain.closure.generic import (
     dimensionless_jacobian,
     generic_ranks,
     sampled_rank,
+    still_joints,
 )
 from closedchain.closure.joint_kinds import BY_SYMBOL, JOINT_KINDS
 from closedchain.closure.mechanism import Mechanism
@@ -205,6 +206,10 @@ def _text(
         lines.append("The count differs from the mobility: it knows no special geometry.")
     if generic.at_home < rank.value:
         lines.append(f"At home the rank drops to {generic.at_home}: a constraint singularity.")
+    still = still_joints(mechanism) if degrees else ()
+    if still:
+        listed = ", ".join(still[:6]) + (f" and {len(still) - 6} more" if len(still) > 6 else "")
+        lines.append(f"The loops hold still, in every posture looked at: {listed}.")
     lines.extend(driving(mechanism))
     for remark in mechanism.description.remarks:
         if remark.about == "mobility":

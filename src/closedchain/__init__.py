@@ -17,6 +17,7 @@ from closedchain.closure import (
     residual,
 )
 from closedchain.closure.files import load_file
+from closedchain.closure.showing import register as _register
 from closedchain.robots import load, robots
 from closedchain.urdf.errors import ClosedChainError, ClosureError, DescriptionError
 
@@ -26,9 +27,6 @@ if TYPE_CHECKING:
         Capabilities,
         capabilities,
         compliance,
-        effort_per_force,
-        effort_per_moment,
-        largest_compliance,
         stiffness,
         twist_maps,
     )
@@ -45,6 +43,16 @@ if TYPE_CHECKING:
     from closedchain.analysis.forces.resets import Resets, resets
     from closedchain.analysis.forces.simulate import Simulation, simulate
     from closedchain.analysis.forces.statics import Statics, statics
+    from closedchain.analysis.forces.tip_measures import (
+        effort_per_force,
+        effort_per_moment,
+        isotropy,
+        largest_compliance,
+        least_force,
+        least_speed,
+        least_stiffness,
+        output_transmission,
+    )
     from closedchain.analysis.forces.transmission import transmission
     from closedchain.analysis.forces.transmission_table import transmission_table
     from closedchain.analysis.motion.follow import (
@@ -80,6 +88,9 @@ if TYPE_CHECKING:
     from closedchain.closure.code.exporting import export_code
     from closedchain.closure.exporting import export
     from closedchain.closure.modes.all_postures import postures
+    from closedchain.closure.modes.connections.connected import Connections
+    from closedchain.closure.modes.connections.meetings import Meeting
+    from closedchain.closure.modes.connections.passages import Passage
     from closedchain.closure.modes.result import Postures
     from closedchain.closure.position import direct, inverse
     from closedchain.closure.solids import with_inertias
@@ -93,6 +104,9 @@ _LATER = {
     "closure.position": "direct inverse",
     "closure.solids": "with_inertias",
     "closure.modes.all_postures": "postures",
+    "closure.modes.connections.connected": "Connections",
+    "closure.modes.connections.meetings": "Meeting",
+    "closure.modes.connections.passages": "Passage",
     "closure.modes.result": "Postures",
     "analysis.motion.track.stops": "Stop",
     "analysis.acceleration": "Acceleration acceleration",
@@ -103,8 +117,9 @@ _LATER = {
     "analysis.forces.transmission": "transmission",
     "analysis.forces.transmission_table": "transmission_table",
     "analysis.forces.resets": "Resets resets",
-    "analysis.forces.capabilities": "Capabilities capabilities compliance effort_per_force "
-    "effort_per_moment largest_compliance stiffness twist_maps",
+    "analysis.forces.capabilities": "Capabilities capabilities compliance stiffness twist_maps",
+    "analysis.forces.tip_measures": "effort_per_force effort_per_moment isotropy "
+    "largest_compliance least_force least_speed least_stiffness output_transmission",
     "analysis.forces.effort_history": "EffortHistory efforts_along",
     "analysis.forces.forward_dynamics": "ForwardDynamics forward_dynamics",
     "analysis.forces.simulate": "Simulation simulate",
@@ -136,6 +151,16 @@ _LATER = {
 _MODULES = {name: module for module, names in _LATER.items() for name in names.split()}
 
 
+def _show(mechanism: Mechanism, q: Any = None, **options: Any) -> Any:
+    """What ``Mechanism.show`` does: drawing is imported when it is first asked for."""
+    from closedchain.robots.embedding import show
+
+    return show(mechanism, q, **options)
+
+
+_register(_show)
+
+
 def __getattr__(name: str) -> Any:
     if name not in _MODULES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
@@ -158,6 +183,7 @@ __all__ = [
     "ClosureError",
     "Comparison",
     "ComparisonRow",
+    "Connections",
     "Dependence",
     "DescriptionError",
     "EffortHistory",
@@ -170,8 +196,10 @@ __all__ = [
     "LegVelocity",
     "LoopGraph",
     "Mechanism",
+    "Meeting",
     "Mobility",
     "Network",
+    "Passage",
     "Poc",
     "Postures",
     "Redundancy",
@@ -214,8 +242,12 @@ __all__ = [
     "input_efforts",
     "inverse",
     "inverse_dynamics",
+    "isotropy",
     "joint_positions",
     "largest_compliance",
+    "least_force",
+    "least_speed",
+    "least_stiffness",
     "leg_velocity",
     "load",
     "load_file",
@@ -224,6 +256,7 @@ __all__ = [
     "mass_matrix",
     "mobility",
     "network",
+    "output_transmission",
     "poc",
     "postures",
     "read_task_path",
