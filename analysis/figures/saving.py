@@ -44,9 +44,9 @@ def words_of(figure: Figure) -> str:
         title = ax.get_title() or ax.get_title("left") or ax.get_ylabel()
         lines = [words for line in ax.lines if (words := _words_of_line(line))]
         for part in ax.collections:
-            values: np.ma.MaskedArray = np.ma.masked_invalid(np.ma.asarray(part.get_array()))
-            if part.get_array() is not None and values.count():
-                lines.append(f"colours from {values.min():.3g} to {values.max():.3g}")
+            array = part.get_array()
+            if array is not None and (finite := np.ma.masked_invalid(array).compressed()).size:
+                lines.append(f"colours from {finite.min():.3g} to {finite.max():.3g}")
         if lines and title:
             beside = f" [{ax.get_ylabel()}]" if ax.get_ylabel() not in ("", title) else ""
             over = f" over {ax.get_xlabel()}" if ax.get_xlabel() else ""

@@ -22,6 +22,7 @@ from closedchain.robots import load, robots
 from closedchain.urdf.errors import ClosedChainError, ClosureError, DescriptionError
 
 if TYPE_CHECKING:
+    from closedchain._notebook import show
     from closedchain.analysis.acceleration import Acceleration, acceleration
     from closedchain.analysis.forces.capabilities import (
         Capabilities,
@@ -99,6 +100,7 @@ __version__ = "0.1.0"
 
 # What is asked of a mechanism is imported when it is first asked, so that loading stays quick.
 _LATER = {
+    "_notebook": "show",
     "closure.exporting": "export",
     "closure.code.exporting": "export_code",
     "closure.position": "direct inverse",
@@ -266,6 +268,7 @@ __all__ = [
     "residual",
     "robots",
     "self_motion",
+    "show",
     "simulate",
     "singularity_map",
     "singularity_set",
