@@ -30,6 +30,8 @@ class Kind:
     meaning : str
     colour : str
         Of Okabe and Ito's palette, told apart with any colour vision.
+    dashes : tuple of float
+        Dashes and gaps of its lines, in widths of a line: kinds differ without their colours too.
     """
 
     name: str
@@ -39,6 +41,7 @@ class Kind:
     watched: str
     meaning: str
     colour: str
+    dashes: tuple[float, ...]
 
 
 @dataclass(frozen=True)
@@ -60,6 +63,7 @@ _KINDS = (
         watched="singular value b + m - n of A",
         meaning="something moves with all inputs locked",
         colour="#D55E00",
+        dashes=(),
     ),
     Kind(
         name="inverse",
@@ -69,6 +73,7 @@ _KINDS = (
         watched="singular value d of T",
         meaning="some combination of outputs cannot be produced",
         colour="#0072B2",
+        dashes=(7.0, 3.0),
     ),
     Kind(
         name="constraint",
@@ -78,6 +83,7 @@ _KINDS = (
         watched="singular value r of K",
         meaning="the mechanism itself gains mobility, or branches",
         colour="#009E73",
+        dashes=(2.0, 3.0),
     ),
 )
 KINDS: Mapping[str, Kind] = MappingProxyType({kind.name: kind for kind in _KINDS})
@@ -91,6 +97,7 @@ COMBINED = Kind(
     watched="both of theirs",
     meaning="something moves with all inputs locked, and some output cannot be produced",
     colour="#000000",
+    dashes=(9.0, 3.0, 2.0, 3.0),
 )
 
 _TYPES = (

@@ -6,6 +6,8 @@ from functools import cache
 
 import numpy as np
 
+from closedchain.urdf.extras import require
+
 _SIDES = 6  # of a tube
 _GOLDEN = 0.5 * (1.0 + 5.0**0.5)
 # an icosahedron of radius 1: one corner for each sign and cyclic order of (0, 1, golden ratio)
@@ -115,6 +117,7 @@ def balls(points: np.ndarray, radius: float) -> tuple[np.ndarray, np.ndarray, np
 @cache
 def cividis() -> np.ndarray:
     """The colour map as (256, 3) shares of red, green and blue."""
+    require("colours of a set come from matplotlib", "figures")
     from matplotlib import colormaps
 
     table: np.ndarray = colormaps["cividis"](np.arange(256))[:, :3]

@@ -15,14 +15,7 @@ from closedchain.urdf.errors import ClosureError, known_names
 #: Colours of the kinds of singularity, told apart by colour-blind readers (Okabe and Ito).
 PALETTE = MappingProxyType({kind.name: kind.colour for kind in (*KINDS.values(), COMBINED)})
 #: Dashes and gaps of the kinds, in widths of a line: kinds differ without their colours too.
-DASHES = MappingProxyType(
-    {
-        "direct": (),
-        "inverse": (7.0, 3.0),
-        "combined": (9.0, 3.0, 2.0, 3.0),
-        "constraint": (2.0, 3.0),
-    }
-)
+DASHES = MappingProxyType({kind.name: kind.dashes for kind in (*KINDS.values(), COMBINED)})
 _HEX = re.compile(r"#[0-9a-fA-F]{6}")
 _FARTHEST = 1e6  # [m]; the browser draws in single precision
 

@@ -8,8 +8,18 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from closedchain.analysis.figures.palette import COLOURS, axis_label, start_of
+from closedchain.analysis.figures.palette import (
+    COLOURED,
+    DASHES,
+    EDGES,
+    MARKERS,
+    Scheme,
+    axis_label,
+    start_of,
+    start_within,
+)
 from closedchain.analysis.figures.panels import mark_start
+from closedchain.analysis.singularity.sets.mesh_fit import Fit
 from closedchain.analysis.survey.set_tables import DrawableSet, polylines
 
 if TYPE_CHECKING:
@@ -34,16 +44,21 @@ class PlaneCut:
     on_branch: np.ndarray
     everywhere: bool
     note: str = ""
+    missed: int | None = None
+    fit: Fit | None = None
 
 
-def draw_space(ax: Any, data: xr.Dataset, sets: Sequence[DrawableSet]) -> None:
+def draw_space(
+    ax: Any, data: xr.Dataset, sets: Sequence[DrawableSet], scheme: Scheme = COLOURED
+) -> None:
     """Draw meshes, curves and points of sets in three-dimensional axes."""
+    from matplotlib.ticker import MaxNLocator
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection  # type: ignore[import-untyped]
 
     names = [str(d) for d in data["status"].dims]
     for found in sets:
         columns = [found.over.index(n) for n in names]
-        points, colour = found.coordinates[:, columns], COLOURS[found.kind]
+        points, colour = found.coordinates[:, columns], scheme.kinds[found.kind]
         for piece in found.pieces:
             if piece.ndim != 2 or not len(piece):
                 continue
@@ -51,13 +66,16 @@ def draw_space(ax: Any, data: xr.Dataset, sets: Sequence[DrawableSet]) -> None:
             ax.add_collection3d(
                 Poly3DCollection(
                     points[piece[::step]], facecolors=colour, alpha=0.45, shade=True,
-                    edgecolor="none", linewidth=0.0,
+                    edgecolor="black" if EDGES[found.kind] else "none",
+                    linewidth=EDGES[found.kind],
                 )
             )  # fmt: skip
         for line, _ in polylines(found):
-            style: dict[str, Any] = {"marker": "o", "ms": 4} if len(line) == 1 else {"lw": 2.0}
+            style: dict[str, Any] = {"lw": 2.0, "ls": DASHES[found.kind]}
+            if len(line) == 1:
+                style = {"marker": MARKERS[found.kind], "ms": 4}
             ax.plot(*points[line].T, color=colour, **style)
-    start = start_of(data)
+    start = start_within(data)
     if start is not None:
         mark_start(ax, *start[1])
     for axis, name in zip("xyz", names, strict=True):
@@ -65,6 +83,8 @@ def draw_space(ax: Any, data: xr.Dataset, sets: Sequence[DrawableSet]) -> None:
         getattr(ax, f"set_{axis}lim")(values[0], values[-1])
         getattr(ax, f"set_{axis}label")(axis_label(data, name))
     ax.tick_params(labelsize=7)
+    for axis in (ax.xaxis, ax.yaxis, ax.zaxis):
+        axis.set_major_locator(MaxNLocator(4))
 
 
 def planes(

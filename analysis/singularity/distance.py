@@ -51,6 +51,13 @@ class Nearest:
         In the norm of physical joint rates; infinite where none was found.
     accuracy : float
         To which the posture is known, in the same norm.
+
+    Examples
+    --------
+    >>> m = cc.load("d1")
+    >>> near = cc.classify(m, m.home).nearest["inverse"]
+    >>> near.distance <= near.accuracy  # home is singular
+    True
     """
 
     distance: float

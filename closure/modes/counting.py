@@ -13,15 +13,15 @@ from itertools import pairwise
 
 import numpy as np
 
-from closedchain.closure.modes.blocks import blocks_of
+from closedchain.closure.modes.blocks import Block, blocks_of
 from closedchain.closure.modes.complex_equations import equations_of
 from closedchain.closure.modes.monodromy import (
     Generic,
     generic_solutions,
     merged,
-    random_place,
 )
-from closedchain.closure.modes.paths import Block, Place, track
+from closedchain.closure.modes.paths import track
+from closedchain.closure.modes.places import Place, random_place
 from closedchain.closure.modes.shapes import Shapes, groups
 from closedchain.closure.solve.problem import Problem
 from closedchain.closure.tape import cache
@@ -98,7 +98,7 @@ def _followed(
     rng = np.random.default_rng(1)
     found, lost = _route(block, [generic.place], generic.q, targets, q)
     if len(found) < len(q) * len(generic.q):
-        around = [generic.place, random_place(block, rng)]
+        around = [generic.place, random_place(block.equations.problem, rng)]
         more, ends = _route(block, around, generic.q, targets, q)
         found = merged(shapes, found, more)
         lost = lost if len(lost) >= len(ends) else ends

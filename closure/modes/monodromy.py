@@ -16,21 +16,22 @@ from itertools import pairwise
 
 import numpy as np
 
-from closedchain.closure.modes.complex_equations import normalised
-from closedchain.closure.modes.paths import Block, Place, between, far, track
+from closedchain.closure.modes.blocks import BOUND, Block
+from closedchain.closure.modes.paths import Arrived, between, far, track
+from closedchain.closure.modes.places import Place, random_place, random_postures
 from closedchain.closure.modes.shapes import Shapes, groups
 from closedchain.closure.solve.square_systems import solutions
 
-QUIET = 4  # places one after the other that show nothing new, before the work ends
-MOST_PLACES = 40
-LOOPS = 2  # at each place
-SPREAD = 0.7  # of the logarithm of the size of places and starts
+QUIET = 1  # places one after the other that show nothing new, before the work ends
+MOST_PLACES = 20
+LOOPS = 8  # at each place
+WIDE = (2.0, 4.0, 8.0)  # characteristic lengths: sizes of places on loops
+DETOURS = 3
 MOST = 2000  # solutions
 STARTS = 400  # random complex starts at once, for the check
 ROUNDS = 12
 HITS = 2  # for each solution, at least
 NEWTON = 60
-BOUND = 0.7  # dimensionless: longest step of Newton's method from afar
 CLOSED = 1e-7
 
 
@@ -64,8 +65,8 @@ def generic_solutions(
     block: Block, shapes: Shapes, seed: int = 0, report: Callable[[int], None] | None = None
 ) -> Generic:
     """Solutions of a generic member of a block's family, each shape once."""
-    rng = np.random.default_rng(seed)
-    place = random_place(block, rng)
+    problem, rng = block.equations.problem, np.random.default_rng(seed)
+    place = random_place(problem, rng)
     q, hits = _struck(block, place, rng, 1)
     q = merged(shapes, q[:0], q)
     loops = quiet = total = 0
@@ -73,31 +74,84 @@ def generic_solutions(
         before = len(q)
         if quiet >= QUIET or not before or before > MOST:
             break
-        for _ in range(LOOPS):
-            q = merged(shapes, q, _looped(block, place, q, rng))
-            loops += 1
-        there = random_place(block, rng)
-        moved = track(block, place, there, q)
-        if not moved.good.all():
-            quiet = 0 if len(q) > before else quiet
+        q, mixed = _mixed(block, shapes, place, q, rng)
+        loops += LOOPS
+        there = random_place(problem, rng)
+        moved = carried(block, shapes, place, there, q, rng)
+        if report is not None:
+            report(len(q))
+        if len(moved) < len(q):
+            quiet = 0
             continue
         place = there
         others, hits = _struck(block, place, rng, len(q))
-        q = merged(shapes, moved.q, others)
-        agreed = len(q) == before and hits >= HITS * before
+        q = merged(shapes, moved, others)
+        agreed = mixed and len(q) == before and hits >= HITS * before
         quiet, total = (quiet + 1, total + hits) if agreed else (0, 0)
-        if report is not None:
-            report(len(q))
     return Generic(place, q, loops, quiet, total, quiet >= QUIET)
 
 
-def _looped(block: Block, place: Place, q: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Solutions that some become after a loop through two random places."""
-    ways = [place, random_place(block, rng), random_place(block, rng), place]
-    for one, two in pairwise(ways):
-        end = track(block, one, two, q)
-        q = end.q[end.good]
-    return q
+def _mixed(
+    block: Block, shapes: Shapes, place: Place, q: np.ndarray, rng: np.random.Generator
+) -> tuple[np.ndarray, bool]:
+    """All that loops make of solutions; whether the loops permute them.
+
+    Each solution goes once round each loop, so do those that appear.
+    """
+    problem = block.equations.problem
+    ways = [
+        (place, random_place(problem, rng, wide), random_place(problem, rng, wide), place)
+        for wide in np.resize(WIDE, LOOPS)
+    ]
+    images = np.zeros((LOOPS, 0), dtype=int)  # number of what a solution becomes; -1: lost
+    while images.shape[1] < len(q) <= MOST:
+        begin, n = images.shape[1], len(q)
+        ends = _looped(block, ways, q[begin:])
+        every = np.concatenate([q, ends.q[ends.good]])
+        group = groups(shapes.of(every))
+        first = np.unique(group, return_index=True)[1]
+        found = np.full(len(ends.q), -1)
+        found[ends.good] = group[n:]
+        q = every[first]
+        images = np.hstack([images, found.reshape(LOOPS, n - begin)])
+    one_to_one = all(np.unique(k[k >= 0]).size == (k >= 0).sum() for k in images)
+    return q, one_to_one
+
+
+def _looped(block: Block, ways: list[tuple[Place, ...]], q: np.ndarray) -> Arrived:
+    """Ends of all solutions (n, nq) on all ways (loops * n, ...)."""
+    n = len(q)
+    every = np.tile(q, (len(ways), 1))
+    good = np.ones(len(every), dtype=bool)
+    for legs in zip(*(pairwise(way) for way in ways), strict=True):
+        one, two = (Place.stacked([leg[k] for leg in legs], n) for k in (0, 1))
+        at = np.flatnonzero(good)
+        end = track(block, one.take(at), two.take(at), every[at])
+        every[at], good[at] = end.q, end.good
+    return Arrived(every, good, ~good)
+
+
+def carried(
+    block: Block,
+    shapes: Shapes,
+    one: Place,
+    two: Place,
+    q: np.ndarray,
+    rng: np.random.Generator,
+) -> np.ndarray:
+    """Solutions (n, nq) brought to another place; what is lost on one way is tried on others."""
+    end = track(block, one, two, q)
+    found, left = merged(shapes, q[:0], end.q[end.good]), q[~end.good]
+    for _ in range(DETOURS):
+        if not len(left):
+            break
+        between = random_place(block.equations.problem, rng)
+        half = track(block, one, between, left)
+        end = track(block, between, two, half.q[half.good])
+        found = merged(shapes, found, end.q[end.good])
+        arrived = np.flatnonzero(half.good)[end.good]
+        left = np.delete(left, arrived, axis=0)
+    return found
 
 
 def _struck(
@@ -107,7 +161,11 @@ def _struck(
     found = []
     hits = 0
     for _ in range(ROUNDS):
-        q = _met(block, place, newton(block, place, random_postures(block, rng, STARTS)))
+        q = _met(
+            block,
+            place,
+            newton(block, place, random_postures(block.equations.problem.mechanism, rng, STARTS)),
+        )
         found.append(q)
         hits += len(q)
         if hits >= 3 * HITS * count:
@@ -124,12 +182,12 @@ def newton(block: Block, place: Place, q: np.ndarray) -> np.ndarray:
         i = np.flatnonzero(alive & ~done)
         if not i.size:
             break
-        step = -_toward(block, q[i], here.targets[i])
-        size = np.abs(step).max(axis=1, initial=0.0)
+        step = _toward(block, q[i], here.targets[i])
+        size = block.size(q[i], step)
         fine = np.isfinite(size)
         alive[i[~fine]] = False
         i, step, size = i[fine], step[fine], size[fine]
-        step *= np.minimum(1.0, BOUND / np.maximum(size, BOUND))[:, None]
+        step *= (BOUND / np.maximum(size, BOUND))[:, None]
         q[i] = block.moved(q[i], step)
         done[i] = size < CLOSED
         alive[i] &= ~far(block, q[i])
@@ -139,14 +197,13 @@ def newton(block: Block, place: Place, q: np.ndarray) -> np.ndarray:
 def _toward(block: Block, q: np.ndarray, targets: np.ndarray) -> np.ndarray:
     """Newton's steps (n, k); with more rows than unknowns those of Gauss and Newton, on all."""
     if not block.also.size:
-        values, jacobian = block.at(q, targets)
-        return solutions(jacobian, values[:, :, None])[:, :, 0]
+        return block.newton.at(q, targets)[1]
     values, jacobian = block.equations.all_rows(q, targets)
     every = np.concatenate([np.array(block.equations.problem.kept)[block.rows], block.also])
     a = jacobian[:, every][:, :, block.columns]
     adjoint = a.conj().swapaxes(1, 2)
     right = adjoint @ values[:, every, None]
-    return solutions(adjoint @ a + 1e-14 * np.eye(a.shape[2]), right)[:, :, 0]
+    return -solutions(adjoint @ a + 1e-14 * np.eye(a.shape[2]), right)[:, :, 0]
 
 
 def _met(block: Block, place: Place, q: np.ndarray) -> np.ndarray:
@@ -162,43 +219,3 @@ def merged(shapes: Shapes, known: np.ndarray, more: np.ndarray) -> np.ndarray:
     every = np.concatenate([known, more])
     group = groups(shapes.of(every))
     return every[np.unique(group, return_index=True)[1]]
-
-
-def random_postures(block: Block, rng: np.random.Generator, count: int) -> np.ndarray:
-    """Complex postures (count, nq), angles all around, lengths about the characteristic one."""
-    m = block.equations.problem.mechanism
-    model = m.model
-    size = m.length * np.exp(SPREAD * rng.standard_normal(count))
-    high = 0.3j * np.exp(SPREAD * rng.standard_normal(count))
-    q = np.zeros((count, model.nq), dtype=complex)
-    for j in range(1, model.njoints):
-        first = model.idx_qs[j]
-        if model.nqs[j] == 1:
-            if m.translational[model.idx_vs[j]]:
-                q[:, first] = size * _normal(rng, count)
-            else:
-                q[:, first] = rng.uniform(-np.pi, np.pi, count) + high * rng.standard_normal(count)
-            continue
-        q[:, first : first + 3] = size[:, None] * _normal(rng, (count, 3))
-        q[:, first + 3 : first + 7] = normalised(
-            rng.standard_normal((count, 4)) + high[:, None] * rng.standard_normal((count, 4))
-        )
-    return q
-
-
-def random_place(block: Block, rng: np.random.Generator) -> Place:
-    """Random complex place."""
-    problem = block.equations.problem
-    m = problem.mechanism
-    given = random_postures(block, rng, 1)[0]
-    poses = []
-    for _ in problem.goals:
-        turn = normalised(rng.standard_normal((1, 4)) + 0.3j * rng.standard_normal((1, 4)))[0]
-        size = m.length * np.exp(SPREAD * rng.standard_normal())
-        poses += [*(size * _normal(rng, 3)), *turn]
-    targets = np.concatenate([given[problem.pinned_q], np.array(poses, dtype=complex)])
-    return Place(targets, given)
-
-
-def _normal(rng: np.random.Generator, size: int | tuple[int, ...]) -> np.ndarray:
-    return np.asarray(rng.standard_normal(size) + 1j * rng.standard_normal(size))

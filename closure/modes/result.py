@@ -25,6 +25,13 @@ class Family:
         Of the motions that are left there: the rank that the equations lack.
     q : (nq,) array
         One posture of it.
+
+    Examples
+    --------
+    >>> m = cc.load("linear_delta")
+    >>> found = cc.postures(m, fixed={"q1": -0.14}, count=False, starts=100)
+    >>> found.families[0].dimension  # two freedoms are left
+    2
     """
 
     dimension: int
@@ -160,9 +167,9 @@ class Postures:
         ----------
         over : mapping of coordinate to (lowest, highest) [m or rad], or names of coordinates
             One to three of those that are held: inputs, joints, or x y z rx ry rz tilt azimuth of
-            the tip. Without ranges (or where one is None) angles of joints vary by a whole turn,
-            other coordinates by a characteristic length or a radian both ways, or more until every
-            mode meets a singularity, within limits.
+            the tip. Without ranges (or where one is None) joints that turn without limits make a
+            whole turn; other coordinates vary as far as the modes reach on a coarse grid, within
+            limits, and at most eight characteristic lengths or half a turn both ways.
         resolution : int or mapping of coordinate to int, optional
             Cells along each coordinate; 400, 60 or 16 for one, two or three of them.
         limits : bool
@@ -181,7 +188,9 @@ class Postures:
             isolated, or none that can be followed.
         """
         model = self.mechanism.model
-        driven = {int(v): n for v, n in zip(self.mechanism.input_v, self.mechanism.inputs)}
+        driven = {
+            int(v): n for v, n in zip(self.mechanism.input_v, self.mechanism.inputs, strict=True)
+        }
         held = (model.joints[model.getJointId(name)].idx_v for name in self.pinned)
         joints = zip(held, self.pinned, strict=True)
         modes = Modes(
@@ -193,9 +202,7 @@ class Postures:
             outputs=self.outputs,
             beyond_limits=self.beyond_limits,
         )
-        return connections_of(
-            modes, over, resolution=resolution, limits=limits, progress=progress
-        )
+        return connections_of(modes, over, resolution=resolution, limits=limits, progress=progress)
 
     def certificate(self, mechanism: Mechanism) -> dict[str, Any]:
         """What is proved, for a checker that shares nothing with us: plain numbers and names.

@@ -40,7 +40,7 @@ def least_share(problem: Problem, q: np.ndarray) -> float:
 
 
 @dataclass(frozen=True, eq=False)
-class Between:
+class _Between:
     """The equations at shares of the way between two targets (prescribed,)."""
 
     problem: Problem
@@ -92,13 +92,13 @@ class Between:
 
 def close_alone(problem: Problem, q: np.ndarray, target: np.ndarray) -> np.ndarray | None:
     """Posture beside one (nq,) that is closed at a target (prescribed,), or None."""
-    found = correct(*Between(problem, target, target)(q, 1.0))
+    found = correct(*_Between(problem, target, target)(q, 1.0))
     return found.q if found.refusal is None else None
 
 
 def system_at(problem: Problem, target: np.ndarray, q: np.ndarray) -> tuple[System, np.ndarray]:
     """Equations at a target (prescribed,); a posture (nq,) with what is pinned moved there."""
-    return Between(problem, target, target)(q, 1.0)
+    return _Between(problem, target, target)(q, 1.0)
 
 
 def follow_alone(
@@ -108,7 +108,7 @@ def follow_alone(
 
     Returns the last good posture and the share of the way that was gone, 1 where it arrived.
     """
-    there = Between(problem, begin, end)
+    there = _Between(problem, begin, end)
     start = correct(*there(q, 0.0))
     if start.refusal is not None:
         return q, 0.0

@@ -54,13 +54,17 @@ def _strayed(problem: Problem, way: Way, end: np.ndarray) -> np.ndarray:
     return np.flatnonzero(arrived & ~(largest < CLOSED))
 
 
-def partway(problem: Problem, begin: np.ndarray, end: np.ndarray, share: float) -> np.ndarray:
-    """Target (prescribed,) at a share of the way between two."""
+def partway(
+    problem: Problem, begin: np.ndarray, end: np.ndarray, share: float | np.ndarray
+) -> np.ndarray:
+    """Targets (..., prescribed) at shares (...) of ways between two."""
+    share = np.asarray(share)[..., None]
     there = begin + share * (end - begin)
     p = len(problem.pinned)
     for i in range(len(problem.goals)):
         at = slice(p + POSE * i + 3, p + POSE * (i + 1))
-        side = -1.0 if begin[at] @ end[at] < 0.0 else 1.0
-        mixed = begin[at] + share * (side * end[at] - begin[at])
-        there[at] = mixed / np.sqrt(mixed @ mixed)
+        one, two = begin[..., at], end[..., at]
+        side = np.where((one * two).sum(axis=-1, keepdims=True) < 0.0, -1.0, 1.0)
+        mixed = one + share * (side * two - one)
+        there[..., at] = mixed / np.sqrt((mixed * mixed).sum(axis=-1, keepdims=True))
     return np.asarray(there)

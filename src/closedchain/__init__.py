@@ -27,9 +27,6 @@ if TYPE_CHECKING:
         Capabilities,
         capabilities,
         compliance,
-        effort_per_force,
-        effort_per_moment,
-        largest_compliance,
         stiffness,
         twist_maps,
     )
@@ -46,6 +43,16 @@ if TYPE_CHECKING:
     from closedchain.analysis.forces.resets import Resets, resets
     from closedchain.analysis.forces.simulate import Simulation, simulate
     from closedchain.analysis.forces.statics import Statics, statics
+    from closedchain.analysis.forces.tip_measures import (
+        effort_per_force,
+        effort_per_moment,
+        isotropy,
+        largest_compliance,
+        least_force,
+        least_speed,
+        least_stiffness,
+        output_transmission,
+    )
     from closedchain.analysis.forces.transmission import transmission
     from closedchain.analysis.forces.transmission_table import transmission_table
     from closedchain.analysis.motion.follow import (
@@ -81,6 +88,9 @@ if TYPE_CHECKING:
     from closedchain.closure.code.exporting import export_code
     from closedchain.closure.exporting import export
     from closedchain.closure.modes.all_postures import postures
+    from closedchain.closure.modes.connections.connected import Connections
+    from closedchain.closure.modes.connections.meetings import Meeting
+    from closedchain.closure.modes.connections.passages import Passage
     from closedchain.closure.modes.result import Postures
     from closedchain.closure.position import direct, inverse
     from closedchain.closure.solids import with_inertias
@@ -94,6 +104,9 @@ _LATER = {
     "closure.position": "direct inverse",
     "closure.solids": "with_inertias",
     "closure.modes.all_postures": "postures",
+    "closure.modes.connections.connected": "Connections",
+    "closure.modes.connections.meetings": "Meeting",
+    "closure.modes.connections.passages": "Passage",
     "closure.modes.result": "Postures",
     "analysis.motion.track.stops": "Stop",
     "analysis.acceleration": "Acceleration acceleration",
@@ -104,8 +117,9 @@ _LATER = {
     "analysis.forces.transmission": "transmission",
     "analysis.forces.transmission_table": "transmission_table",
     "analysis.forces.resets": "Resets resets",
-    "analysis.forces.capabilities": "Capabilities capabilities compliance effort_per_force "
-    "effort_per_moment largest_compliance stiffness twist_maps",
+    "analysis.forces.capabilities": "Capabilities capabilities compliance stiffness twist_maps",
+    "analysis.forces.tip_measures": "effort_per_force effort_per_moment isotropy "
+    "largest_compliance least_force least_speed least_stiffness output_transmission",
     "analysis.forces.effort_history": "EffortHistory efforts_along",
     "analysis.forces.forward_dynamics": "ForwardDynamics forward_dynamics",
     "analysis.forces.simulate": "Simulation simulate",
@@ -169,6 +183,7 @@ __all__ = [
     "ClosureError",
     "Comparison",
     "ComparisonRow",
+    "Connections",
     "Dependence",
     "DescriptionError",
     "EffortHistory",
@@ -181,8 +196,10 @@ __all__ = [
     "LegVelocity",
     "LoopGraph",
     "Mechanism",
+    "Meeting",
     "Mobility",
     "Network",
+    "Passage",
     "Poc",
     "Postures",
     "Redundancy",
@@ -225,8 +242,12 @@ __all__ = [
     "input_efforts",
     "inverse",
     "inverse_dynamics",
+    "isotropy",
     "joint_positions",
     "largest_compliance",
+    "least_force",
+    "least_speed",
+    "least_stiffness",
     "leg_velocity",
     "load",
     "load_file",
@@ -235,6 +256,7 @@ __all__ = [
     "mass_matrix",
     "mobility",
     "network",
+    "output_transmission",
     "poc",
     "postures",
     "read_task_path",

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Literal
 from closedchain.urdf.errors import ClosedChainError, DescriptionError, known_names
 
 if TYPE_CHECKING:
+    from closedchain.analysis.forces.tip_measures import TipMeasure
     from closedchain.closure import Mechanism
 
 Up = Literal["x", "y", "z"]
@@ -141,6 +142,20 @@ def _value(text: str) -> float:
         return -size if in_pi["sign"] == "-" else size
     except (ValueError, ZeroDivisionError):
         return math.nan
+
+
+def measures(words: Iterable[str]) -> dict[str, TipMeasure]:
+    """Read ``NAME`` or ``NAME=NUMBER,...`` words about measures. Raises ``ClosedChainError``."""
+    from closedchain.analysis.forces.tip_measures import tip_measure
+
+    found: dict[str, TipMeasure] = {}
+    for word in words:
+        name, equals, text = word.partition("=")
+        if name in found:
+            raise BadArgumentError(f"--measure: {name} is given twice")
+        numbers = [number(one, f"--measure {name}") for one in text.split(",")] if equals else None
+        found[name] = tip_measure(name, numbers)
+    return found
 
 
 def input_values(mechanism: Mechanism, words: Iterable[str], option: str = "") -> dict[str, float]:

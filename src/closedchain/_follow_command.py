@@ -15,6 +15,7 @@ from closedchain._follow_report import report
 from closedchain._options import Json, NoXacro, Outputs, Robot, Settings, Variant
 from closedchain._terminal import fail
 from closedchain.urdf.errors import known_names
+from closedchain.urdf.extras import require
 
 if TYPE_CHECKING:
     from closedchain.analysis.motion.follow import Comparison, Follow, TaskPath
@@ -90,6 +91,7 @@ def follow(
     from closedchain.analysis.progress import reporting
     from closedchain.robots.named_tasks import task_outputs
 
+    require("a run is written as dataset, figures and page", "maps", "figures", "view")
     if objective not in OBJECTIVES:
         fail(known_names(objective, "objective", OBJECTIVES))
     way = next((known for known in METHODS if known == method), None)

@@ -6,6 +6,8 @@ import html
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from closedchain.analysis.figures.saving import alt_file
+
 INDEX = "index.html"
 HOLDS = {
     ".csv": "a table, one line a point",
@@ -94,7 +96,7 @@ def _frame(path: Path) -> str:
 
 
 def _figure(path: Path, title: str) -> str:
-    beside = path.with_suffix(".txt")
+    beside = alt_file(path)
     text = beside.read_text(encoding="utf-8").strip() if beside.exists() else title
     name = html.escape(path.name)
     return f'<p><img src="{name}" alt="{html.escape(" ".join(text.split()))}"></p>'

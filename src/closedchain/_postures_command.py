@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json as text
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -11,9 +12,11 @@ import typer
 from closedchain import _arguments as arguments
 from closedchain._options import Json, NoXacro, Outputs, Robot, Settings, Triple, Values, Variant
 from closedchain._terminal import fail, print_json, remark, say, table
+from closedchain.urdf.extras import require
 
 if TYPE_CHECKING:
     from closedchain.closure import Mechanism
+    from closedchain.closure.modes.connections.connected import Connections
     from closedchain.closure.modes.result import Postures
 
 
@@ -39,6 +42,17 @@ def postures(
     seconds: Annotated[
         float | None, typer.Option(help="Time after which counting is given up [s].")
     ] = None,
+    over: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME[=LO:HI[:N]]",
+            help="Say which of them are joined without a singularity, and which meet at one, while "
+            "this coordinate varies [m or rad]: one to three of those held.",
+        ),
+    ] = None,
+    no_limits: Annotated[
+        bool, typer.Option("--no-limits", help="With --over: leave limits of joints aside.")
+    ] = False,
     certificate: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Write what is proved, as JSON.")
     ] = None,
@@ -54,8 +68,11 @@ def postures(
     """All postures with the inputs, the tip's pose or some joints held."""
     import closedchain as cc
 
+    if html is not None:
+        require("a page draws with Meshcat", "view")
     mechanism = arguments.load_robot(robot, settings or (), variant, xacro=not no_xacro)
     held = _held(mechanism, values, xyz, rpy, fixed)
+    wanted = _slice(mechanism, over or ())
     if seconds is not None:
         arguments.positive(seconds, "--seconds")
     found = cc.postures(
@@ -66,6 +83,12 @@ def postures(
         seconds=seconds,
         progress=_Told().tell,
     )
+    connections = None
+    if wanted is not None and found.count:
+        ranges, cells = wanted
+        connections = found.connections(
+            ranges, resolution=cells, limits=not no_limits, progress=_Told().tell
+        )
     if certificate is not None:
         certificate.write_text(text.dumps(found.certificate(mechanism), indent=1) + "\n")
         remark(f"written to {certificate}")
@@ -74,9 +97,12 @@ def postures(
         html.write_text(_page(robot, mechanism, found, modes=modes), encoding="utf-8")
         remark(f"written to {html}")
     if json:
-        print_json({"robot": mechanism.name, "inputs": mechanism.inputs, **_data(found)})
+        more = {} if connections is None else {"connections": _connected(connections)}
+        print_json({"robot": mechanism.name, "inputs": mechanism.inputs, **_data(found), **more})
         return
     _report(mechanism, found)
+    if connections is not None:
+        say("\n" + connections.text)
 
 
 class _Told:
@@ -130,6 +156,55 @@ def _held(
         return {"fixed": {n: arguments.number(v, f"--fixed {n}") for n, v in given.items()}}
     given_inputs = arguments.input_values(mechanism, values or ())
     return {"inputs": arguments.all_inputs(mechanism, given_inputs)}
+
+
+def _slice(
+    mechanism: Mechanism, words: Sequence[str]
+) -> tuple[dict[str, tuple[float, float] | None], dict[str, int]] | None:
+    """Ranges of the coordinates of ``--over``, and cells along them, where these are given."""
+    asked = arguments.slices(mechanism, words)
+    if not asked.slices:
+        return None
+    if len(asked.slices) > 1:
+        fail(f"--over takes one to three coordinates here, got {len(words)}")
+    ranges = {name: asked.ranges.get(name) for name in asked.slices[0]}
+    return ranges, {name: points - 1 for name, points in asked.points.items()}
+
+
+def _connected(found: Connections) -> dict[str, Any]:
+    return {
+        "groups": found.groups,
+        "signs": found.signs,
+        "bounded": found.bounded,
+        "kind": found.kind,
+        "passages": [
+            {
+                "modes": p.modes,
+                "corners": p.corners,
+                "values": p.values,
+                "q": p.q,
+                "sigma": p.sigma,
+                "determinant": p.determinant,
+                "residual": p.residual,
+            }
+            for p in found.passages
+        ],
+        "meetings": [
+            {
+                "modes": m.modes,
+                "values": m.values,
+                "distance": m.distance,
+                "q": m.q,
+                "fold": m.fold,
+                "sigma": m.sigma,
+            }
+            for m in found.meetings
+        ],
+        "left_out": found.left_out,
+        "unconfirmed": found.unconfirmed,
+        "searched": vars(found.searched),
+        "text": found.text,
+    }
 
 
 def _data(found: Postures) -> dict[str, Any]:

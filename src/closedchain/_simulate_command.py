@@ -14,13 +14,16 @@ from closedchain._options import (
     Json,
     NoGravity,
     NoXacro,
+    Payload,
     Robot,
     Settings,
     Values,
     Variant,
+    Wrench,
 )
-from closedchain._statics_command import loaded
+from closedchain._statics_command import loaded, payloads, wrenches
 from closedchain._terminal import print_json, say
+from closedchain.urdf.extras import require
 
 
 def simulate(
@@ -37,11 +40,13 @@ def simulate(
         typer.Option(metavar="INPUT=EFFORT", help="Constant effort of an input [N, N m]; else 0."),
     ] = None,
     hold: Annotated[
-        bool, typer.Option("--hold", help="Add the efforts that hold the weights at the start.")
+        bool, typer.Option("--hold", help="Add the efforts that hold the loads at the start.")
     ] = False,
     no_limits: Annotated[
         bool, typer.Option("--no-limits", help="Go on where a joint meets its limit.")
     ] = False,
+    wrench: Wrench = None,
+    payload: Payload = None,
     no_gravity: NoGravity = False,
     density: Density = None,
     settings: Settings = None,
@@ -58,13 +63,16 @@ def simulate(
     from closedchain.robots.viewer import static_page
 
     mechanism, q = loaded(robot, values, settings, variant, no_xacro=no_xacro, density=density)
+    require("a motion is written as dataset and page", "maps", "view")
     given = arguments.input_values(mechanism, effort or (), "--effort")
     tau = np.array([given.get(name, 0.0) for name in mechanism.inputs])
+    forces, masses = wrenches(mechanism, wrench), payloads(payload)
     if hold:
-        tau += cc.statics(mechanism, q, gravity=not no_gravity).raise_if_failed().inputs
+        held = cc.statics(mechanism, q, forces, not no_gravity, payload=masses)
+        tau += held.raise_if_failed().inputs
     found = cc.simulate(
         *(mechanism, q, None, tau, until),
-        every=every, gravity=not no_gravity, limits=not no_limits,
+        every=every, wrench=forces, payload=masses, gravity=not no_gravity, limits=not no_limits,
     )  # fmt: skip
     out.mkdir(parents=True, exist_ok=True)
     data, page = out / "motion.nc", out / _file(mechanism.name)

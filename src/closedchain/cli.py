@@ -24,6 +24,7 @@ from closedchain._options import (
     At,
     Json,
     Kinds,
+    Measures,
     Mode,
     NoXacro,
     Outputs,
@@ -45,6 +46,7 @@ from closedchain._statics_command import statics
 from closedchain._terminal import fail, print_json, remark, say
 from closedchain._transmission_command import transmission
 from closedchain.urdf.errors import ClosedChainError
+from closedchain.urdf.extras import require
 
 if TYPE_CHECKING:
     from closedchain.closure import Mechanism, Solution
@@ -231,6 +233,7 @@ def view(
     from closedchain._modes import searched_modes
     from closedchain.robots.viewer import Controls, Served, static_page
 
+    require("a page draws with Meshcat", "view")
     upwards = arguments.up_axis(robot, up)
     mechanism = _load(robot, settings, variant, no_xacro)
     for note in reports.undrawn(mechanism):
@@ -277,6 +280,7 @@ def singularities(
     resolution: Resolution = None,
     span: Span = None,
     outputs: Outputs = None,
+    measure: Measures = None,
     workers: Workers = None,
     settings: Settings = None,
     variant: Variant = None,
@@ -296,7 +300,8 @@ def singularities(
     from closedchain.analysis.survey.results_folder import write_survey
     from closedchain.analysis.survey.surveying import survey
 
-    kinds = arguments.kinds(kind or ())
+    require("a survey writes maps, figures and a page", "maps", "figures", "view")
+    kinds, more = arguments.kinds(kind or ()), arguments.measures(measure or ())
     mechanism = _load(robot, settings, variant, no_xacro)
     wanted = arguments.slices(mechanism, over or ())
     if span is not None:
@@ -321,12 +326,14 @@ def singularities(
             outputs=outputs,
             workers=workers,
             progress=progress,
+            measures=more,
         )
     written = write_survey(found, out)
     page = out / f"{re.sub(r'[^A-Za-z0-9._-]', '_', mechanism.name)}.html"
     page.write_text(survey_page(found, start, up=arguments.up_axis(robot)), encoding="utf-8")
     files = {**written, page.name: page}
-    text = [*found.notes, f"At home: {found.redundancy.text}"]
+    captions = [str(part.map.attrs["caption"]) for part in found.slices]
+    text = [*captions, *found.notes, *found.details, f"At home: {found.redundancy.text}"]
     index = write_index(found.title, files, text, found.summary())
     reports.survey(found, {**files, index.name: index}, json, details=details)
 
@@ -351,14 +358,19 @@ def plot(
     out: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Image; map.png in the folder by default.")
     ] = None,
+    grey: Annotated[
+        bool, typer.Option("--grey", help="Without colours, for print: kinds differ by dashes.")
+    ] = False,
 ) -> None:
     """Draw the results of a folder again, from its files alone."""
     from closedchain.analysis.figures.drawing import draw_survey
     from closedchain.analysis.survey.results_folder import read_results
 
+    require("figures are drawn from datasets", "maps", "figures")
     image = arguments.image_file(folder, out, image_format)
-    draw_survey(read_results(folder), image, measures=measure or None, dpi=dpi)
-    say(str(image))
+    results = read_results(folder)
+    for page in draw_survey(results, image, measures=measure or None, dpi=dpi, grey=grey):
+        say(str(page))
 
 
 app.command()(reads_a_file(follow))

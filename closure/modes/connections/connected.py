@@ -6,6 +6,8 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+import numpy as np
+
 from closedchain.closure.modes.connections.meetings import Meeting
 from closedchain.closure.modes.connections.passages import Passage
 from closedchain.urdf.errors import ClosureError, known_names
@@ -68,10 +70,14 @@ class Connections:
     signs : mapping of mode to int
         Of the determinant, where it tells sides apart; else 0.
     bounded : tuple of bool
-        For each group, whether what it reaches ends at singularities all round: not at the
-        window's edge, nor at a limit.
+        For each group, whether what it reaches lies within the window, and does not end at a
+        joint limit: a wider window would show no more.
     left_out : mapping of mode to str
         Modes that were not followed, and why.
+    axes : mapping of coordinate to (n,) array
+        Values of the grid [m or rad].
+    counts : (groups, *grid) int array
+        How many postures of each group there are over each grid point.
     unconfirmed : tuple of (str, str)
         Pairs that the grid joins, by ways that did not hold when they were followed again.
     searched : Searched
@@ -84,8 +90,15 @@ class Connections:
     signs: Mapping[str, int]
     bounded: tuple[bool, ...]
     left_out: Mapping[str, str]
+    axes: Mapping[str, np.ndarray]
+    counts: np.ndarray
     unconfirmed: tuple[tuple[str, str], ...]
     searched: Searched
+
+    def __post_init__(self) -> None:
+        """Write-protect the arrays."""
+        for array in (self.counts, *self.axes.values()):
+            array.setflags(write=False)
 
     @property
     def modes(self) -> tuple[str, ...]:
@@ -98,6 +111,9 @@ class Connections:
 
     def passage(self, one: str, two: str) -> Passage:
         """A way without a singularity from a mode to another one.
+
+        It may be put together of several passages; each keeps joints within their limits, and
+        from one to the next a hinge with limits may have to be a whole turn back.
 
         Raises
         ------
@@ -165,7 +181,7 @@ class Connections:
 
     def _group(self, group: tuple[str, ...], *, bounded: bool) -> str:
         ends = (
-            " What they reach ends at singularities all round."
+            " What they reach lies within the window: a wider one shows no more."
             if bounded
             else " What they reach goes on beyond the window or a limit."
         )

@@ -135,6 +135,7 @@ def connections_of(
         if post < 0:
             left_out[name] = "it does not close on its own branch"
     groups = _groups(followed.names, passages, left_out)
+    apart = [p for p in unconfirmed if not any(set(p) <= set(group) for group in groups)]
     return Connections(
         groups=groups,
         passages=tuple(passages),
@@ -143,7 +144,9 @@ def connections_of(
         signs=_signs(followed.names, covering),
         bounded=tuple(_bounded(followed.names, covering, group) for group in groups),
         left_out=left_out,
-        unconfirmed=tuple(unconfirmed),
+        axes=dict(zip(names, window.axes, strict=True)),
+        counts=_counts(followed.names, covering, groups),
+        unconfirmed=tuple(apart),
         searched=_searched(window, covering, len(search.ways), limits=limits),
     )
 
@@ -183,9 +186,24 @@ def _signs(names: tuple[str, ...], covering: Covering) -> dict[str, int]:
     }
 
 
+def _counts(
+    names: tuple[str, ...], covering: Covering, groups: tuple[tuple[str, ...], ...]
+) -> np.ndarray:
+    """Postures (groups, *grid) of each group over each grid point."""
+    parts = [_part(names, covering, group) for group in groups]
+    size = len(covering.window.beside)
+    counts = [np.bincount(covering.point[covering.part == p], minlength=size) for p in parts]
+    return np.array(counts, dtype=int).reshape(len(groups), *covering.window.shape)
+
+
+def _part(names: tuple[str, ...], covering: Covering, group: tuple[str, ...]) -> int:
+    """Connected part of the covering that a group lies in."""
+    return int(covering.part[covering.modes[names.index(group[0])]])
+
+
 def _bounded(names: tuple[str, ...], covering: Covering, group: tuple[str, ...]) -> bool:
-    """Whether what a group reaches ends at singularities all round."""
-    part = int(covering.part[covering.modes[names.index(group[0])]])
+    """Whether what a group reaches ends neither at the window's edge nor at a limit."""
+    part = _part(names, covering, group)
     return not (covering.open_ended(part) or covering.limited(part) or covering.cut_short)
 
 

@@ -9,13 +9,14 @@ postures hang together is seen from these ways alone.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from closedchain.closure.chart import Chart, joint_index
 from closedchain.closure.modes.connections.window import Window
+from closedchain.closure.modes.seeking import unwound
 from closedchain.closure.modes.shapes import shapes_of
 from closedchain.closure.nearest import LIMIT_TOLERANCE
 from closedchain.closure.solve.control import CLOSED
@@ -75,25 +76,23 @@ class Branches:
     ) -> tuple[Way, np.ndarray]:
         """Follow postures (n, nq) from coordinates to others (n, k); endings' codes (n,), too.
 
-        LIMIT where a joint is beyond its limits at the end, and these count. ``smallest`` is the
-        share of a way at which steps end that no longer lead on.
+        LIMIT where a joint is beyond its limits at the end, and these count. Passive hinges are
+        turned back by whole turns to within theirs. ``smallest`` is the share of a way at which
+        steps end that no longer lead on.
         """
         one, two = self.chart.targets(begin), self.chart.targets(end)
-        way = follow(self.chart.problem, q, one, two, smallest)
-        return way, self.judged(way, two)
+        return self._judged(follow(self.chart.problem, q, one, two, smallest), two)
 
-    def hasty(
-        self, q: np.ndarray, begin: np.ndarray, end: np.ndarray
-    ) -> tuple[Way, np.ndarray]:
+    def hasty(self, q: np.ndarray, begin: np.ndarray, end: np.ndarray) -> tuple[Way, np.ndarray]:
         """The same, up to the last posture before a singularity, or where only pivots fail."""
         one, two = self.chart.targets(begin), self.chart.targets(end)
-        way = follower_of(self.chart.problem).run(q, one, two)
-        return way, self.judged(way, two)
+        return self._judged(follower_of(self.chart.problem).run(q, one, two), two)
 
-    def judged(self, way: Way, targets: np.ndarray) -> np.ndarray:
-        """Codes (n,) of ways to targets (n, prescribed)."""
+    def _judged(self, way: Way, targets: np.ndarray) -> tuple[Way, np.ndarray]:
+        """Ways to targets (n, prescribed), and their codes (n,)."""
+        q = self.turned_back(way.q)
         check = follower_of(self.chart.problem).check
-        largest, sense, facing, within = check.run(np.concatenate([way.q.T, targets.T]))
+        largest, sense, facing, within = check.run(np.concatenate([q.T, targets.T]))
         codes = np.where(way.started, way.codes, STUCK)
         arrived = codes == ARRIVED
         codes[arrived & ~(largest < CLOSED)] = STUCK
@@ -101,7 +100,13 @@ class Branches:
         codes[arrived & (facing < 0.0)] = REVERSED
         if self.limits:
             codes[(codes == ARRIVED) & (within < -LIMIT_TOLERANCE)] = LIMIT
-        return codes
+        return replace(way, q=q), codes
+
+    def turned_back(self, q: np.ndarray) -> np.ndarray:
+        """Postures (n, nq) with passive hinges turned by whole turns to within their limits."""
+        found = unwound(self.chart.mechanism, q)
+        found[:, self.chart.pinned_q] = q[:, self.chart.pinned_q]
+        return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,8 +178,17 @@ def covering_of(
         if report is not None:
             report(work.size)
     n = work.size
-    parts = (work.point, work.q, work.det, work.mark, work.beside, work.codes)
-    return Covering(window, *(part[:n].copy() for part in parts), modes, bool(front.size))
+    return Covering(
+        window=window,
+        point=work.point[:n].copy(),
+        q=work.q[:n].copy(),
+        det=work.det[:n].copy(),
+        mark=work.mark[:n].copy(),
+        beside=work.beside[:n].copy(),
+        codes=work.codes[:n].copy(),
+        modes=modes,
+        cut_short=bool(front.size),
+    )
 
 
 class _Filling:

@@ -26,33 +26,31 @@ def fitted(
     A range is doubled, on the side where they do, at most ``GROWTHS`` times.
     """
     k = len(chart.names)
-    free = [name for name in chart.names if wanted.ranges[name] is None]
-    ranges = dict(wanted.ranges)
+    given = {name: x for name, x in wanted.ranges.items() if x is not None}
+    ranges = {name: given.get(name) or around(chart, name, wanted) for name in chart.names}
+    free = [name for name in chart.names if name not in given and not _whole(ranges[name])]
     spans = {name: [SPAN, SPAN] for name in free}
-    for name in free:
-        ranges[name] = around(chart, name, wanted)
-    free = [name for name, given in ranges.items() if name in free and not _whole(given)]
     for _ in range(GROWTHS + 1):
         if not free:
             break
         window = window_of(chart, replace(wanted, ranges=ranges, resolution=COARSE[k]))
         covering = covering_of(window, q, branches, report)
-        grown = False
+        grown = dict(ranges)
         for name in free:
             for side, reached in enumerate(_reached(covering, name)):
                 spans[name][side] *= 2.0 if reached else 1.0
             low, high = (around(chart, name, wanted, span)[i] for i, span in enumerate(spans[name]))
-            grown |= (low, high) != ranges[name]
-            ranges[name] = low, high
-        if not grown:
+            grown[name] = low, high
+        if grown == ranges:
             break
+        ranges = grown
     for name in free:
-        ranges[name] = _around_all(covering, name, ranges[name])
+        ranges[name] = _around_all(covering, name)
     return replace(wanted, ranges=ranges)
 
 
-def _whole(given: Range | None) -> bool:
-    return given is not None and abs(given[1] - given[0] - 2.0 * np.pi) < 1e-9
+def _whole(given: Range) -> bool:
+    return abs(given[1] - given[0] - 2.0 * np.pi) < 1e-9
 
 
 def _reached(covering: Covering, name: str) -> tuple[bool, bool]:
@@ -62,10 +60,10 @@ def _reached(covering: Covering, name: str) -> tuple[bool, bool]:
     return bool((index == 0).any()), bool((index == covering.window.shape[axis] - 1).any())
 
 
-def _around_all(covering: Covering, name: str, given: Range) -> Range:
+def _around_all(covering: Covering, name: str) -> Range:
     """What the modes reach of a range, and a cell beyond."""
     axis = covering.window.names.index(name)
     line = covering.window.axes[axis]
     index = np.unravel_index(covering.point, covering.window.shape)[axis]
-    low, high = line[max(int(index.min()) - 1, 0)], line[min(int(index.max()) + 1, len(line) - 1)]
-    return max(float(low), given[0]), min(float(high), given[1])
+    low, high = max(int(index.min()) - 1, 0), min(int(index.max()) + 1, len(line) - 1)
+    return float(line[low]), float(line[high])

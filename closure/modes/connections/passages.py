@@ -8,19 +8,22 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 
 from closedchain.closure.clearance import clearance
 from closedchain.closure.modes.connections.covering import ARRIVED, Branches, Covering, Marks, same
+from closedchain.closure.modes.connections.window import TURN
 from closedchain.closure.nearest import beyond_limits
 from closedchain.closure.solve.alone import follow_alone
 from closedchain.closure.solve.control import SMALLEST
+from closedchain.closure.turns import tied, turning
 
 WARY = 0.2  # share of the usual determinant below which a way is as long again
 NARROWER = 0.5  # share of a way's least determinant that straight pieces keep
-SAMPLES = 12  # of a straight piece that is tried
-SEEN = 40  # later posts that a straight piece is tried to
+SAMPLES = 8  # of a straight piece that is tried
+SEEN = 20  # later posts that a straight piece is tried to
 FINE = 1.0  # samples of a passage for each cell that it crosses
 
 
@@ -39,7 +42,8 @@ class Passage:
     values : (s, k) array
         Their values at samples along it, corners among them.
     q : (s, nq) array
-        Postures there.
+        Postures there. Passive hinges may stand a whole turn from where those of the mode do, so
+        that they keep within their limits on the way.
     determinant : (s,) array
         Of the solved equations, dimensionless; it keeps its sign.
     sigma : (s,) array
@@ -73,16 +77,18 @@ class Passage:
         return Passage(
             self.modes[::-1],
             self.names,
-            *(
-                np.array(array[::-1])
-                for array in (self.corners, self.values, self.q, self.determinant, self.sigma)
-            ),
+            np.array(self.corners[::-1]),
+            np.array(self.values[::-1]),
+            np.array(self.q[::-1]),
+            np.array(self.determinant[::-1]),
+            np.array(self.sigma[::-1]),
             self.residual,
         )
 
     def then(self, other: Passage) -> Passage:
         """This way and another one that begins where it ends."""
-        shift = self.corners[-1] - other.corners[0]  # whole turns
+        shift = self.corners[-1] - other.corners[0]  # whole turns, as these
+        turned = TURN * np.round((self.q[-1] - other.q[0]) / TURN)
 
         def joined(name: str, by: np.ndarray | float = 0.0) -> np.ndarray:
             return np.concatenate([getattr(self, name), (getattr(other, name) + by)[1:]])
@@ -92,7 +98,7 @@ class Passage:
             self.names,
             joined("corners", shift),
             joined("values", shift),
-            joined("q"),
+            joined("q", turned),
             joined("determinant"),
             joined("sigma"),
             max(self.residual, other.residual),
@@ -116,14 +122,14 @@ class Passages:
         failed: list[tuple[str, str]] = []
         modes = self.covering.modes
         for part in np.unique(self.covering.part[modes[modes >= 0]]):
-            own = [i for i in np.flatnonzero(modes >= 0) if self.covering.part[modes[i]] == part]
+            own = [
+                int(i) for i in np.flatnonzero(modes >= 0) if self.covering.part[modes[i]] == part
+            ]
             if len(own) > 1:
                 self._within(own, good, failed)
         return good, failed
 
-    def _within(
-        self, own: list[int], good: list[Passage], failed: list[tuple[str, str]]
-    ) -> None:
+    def _within(self, own: list[int], good: list[Passage], failed: list[tuple[str, str]]) -> None:
         """Join modes of one part by a tree of passages."""
         modes = self.covering.modes
         apart = np.array([self._reach(i)[0][modes[own]] for i in own])
@@ -235,6 +241,7 @@ class Passages:
             return None
         chart = self.covering.window.chart
         m, problem = chart.mechanism, chart.problem
+        q = self._turned(q)
         determinant = np.array([problem.determinant_at(x) for x in q])
         if problem.signed and (np.sign(determinant) != np.sign(determinant[0])).any():
             return None
@@ -258,15 +265,31 @@ class Passages:
             [(high - low) / n for (low, high), n in zip(window.ranges, window.shape, strict=True)]
         )
         found = [corners[:1]]
-        for begin, end in zip(corners[:-1], corners[1:], strict=True):
+        for begin, end in pairwise(corners):
             count = max(2, int(np.ceil(FINE * np.abs((end - begin) / cells).max())))
             shares = np.arange(1, count + 1)[:, None] / count
             found.append(begin + shares * (end - begin))
         return np.concatenate(found)
 
-    def _walked(
-        self, post: int, values: np.ndarray
-    ) -> tuple[np.ndarray | None, np.ndarray | None]:
+    def _turned(self, q: np.ndarray) -> np.ndarray:
+        """The same way (s, nq) with passive hinges that are whole turns on, so that limits hold.
+
+        As they are where no whole turn suits all of a way.
+        """
+        chart = self.covering.window.chart
+        m, found = chart.mechanism, q.copy()
+        turns = turning(m) & ~tied(m)
+        for joint in list(m.model.joints)[1:]:
+            at = joint.idx_q
+            if joint.nq != 1 or not turns[joint.idx_v] or at in chart.pinned_q:
+                continue
+            low, high = (float(limit[at]) for limit in m.limits)
+            least, most = np.ceil((low - q[:, at].min()) / TURN), (high - q[:, at].max()) / TURN
+            if least <= np.floor(most):
+                found[:, at] += TURN * min(max(0.0, least), np.floor(most))
+        return found
+
+    def _walked(self, post: int, values: np.ndarray) -> tuple[np.ndarray | None, np.ndarray | None]:
         """Postures (s, nq) from one of the covering on along coordinates, and the last one's mark.
 
         Followed with all rows, by LAPACK; None where a step does not arrive.
@@ -274,7 +297,7 @@ class Passages:
         chart = self.covering.window.chart
         targets = chart.targets(values)
         q, found = self.covering.q[post], [self.covering.q[post]]
-        for begin, end in zip(targets[:-1], targets[1:], strict=True):
+        for begin, end in pairwise(targets):
             q, share = follow_alone(chart.problem, q, begin, end, SMALLEST)
             if share < 1.0:
                 return None, None

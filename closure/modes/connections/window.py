@@ -1,4 +1,4 @@
-"""The window of a slice: some of the coordinates that are held vary, on a grid through their values."""
+"""The window of a slice: coordinates that are held vary, on a grid through the modes' values."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ TURN = 2.0 * np.pi
 SAME = 1e-9
 
 Range = tuple[float, float] | None
-Over = Mapping[str, tuple[float, float]] | Sequence[str] | str
+Over = Mapping[str, Range] | Sequence[str] | str
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +60,9 @@ class Window:
     @cached_property
     def middle(self) -> int:
         """Flat index of the grid point of the modes."""
-        nearest = [int(np.abs(axis - x).argmin()) for axis, x in zip(self.axes, self.at)]
+        nearest = [
+            int(np.abs(axis - x).argmin()) for axis, x in zip(self.axes, self.at, strict=True)
+        ]
         return int(np.ravel_multi_index(tuple(nearest), self.shape))
 
     @cached_property
@@ -79,7 +81,7 @@ class Window:
 
     @cached_property
     def beside(self) -> np.ndarray:
-        """Flat index of each grid point's neighbours (points, 2 k), down and up each axis; or -1."""
+        """Flat index of each point's neighbours (points, 2 k), down and up each axis; or -1."""
         index = np.arange(int(np.prod(self.shape))).reshape(self.shape)
         found = []
         for axis, whole in enumerate(self.whole):
@@ -92,7 +94,7 @@ class Window:
         return np.stack(found, axis=1)
 
     def onward(self, points: np.ndarray, side: np.ndarray) -> np.ndarray:
-        """Coordinates (n, k) of the neighbours of points on a side; past a whole turn, beyond it."""
+        """Coordinates (n, k) of the neighbours of points on a side, beyond a whole turn too."""
         there = self.values(self.beside[points, side])
         here = self.values(points)
         rows, axis, up = np.arange(len(points)), side // 2, side % 2 == 1
@@ -157,9 +159,13 @@ def _range(name: str, given: object) -> Range:
     try:
         low, high = (float(x) for x in given)  # type: ignore[attr-defined]
     except (TypeError, ValueError):
-        raise ClosureError(f"the range of {name!r} must be (lowest, highest), got {given!r}") from None
+        raise ClosureError(
+            f"the range of {name!r} must be (lowest, highest), got {given!r}"
+        ) from None
     if not (np.isfinite([low, high]).all() and low < high):
-        raise ClosureError(f"the range of {name!r} must rise and be finite, got {low:g} to {high:g}")
+        raise ClosureError(
+            f"the range of {name!r} must rise and be finite, got {low:g} to {high:g}"
+        )
     return low, high
 
 
@@ -181,7 +187,7 @@ def window_of(chart: Chart, wanted: Wanted) -> Window:
                 f"the range of {name!r}, {low:g} to {high:g}, must hold the value that the modes "
                 f"have, {x:.6g}"
             )
-        turned = _turns(chart, name) and abs(high - low - TURN) < SAME
+        turned = _turns(chart, name, wanted) and abs(high - low - TURN) < SAME
         whole.append(turned)
         axes.append(_turn(x, cells) if turned else _axis(low, x, high, cells))
     return Window(chart, tuple(axes), tuple(whole))
@@ -208,16 +214,17 @@ def _turn(x: float, cells: int) -> np.ndarray:
     return np.asarray(x + TURN * (np.arange(cells) - cells // 2) / cells)
 
 
-def _turns(chart: Chart, name: str) -> bool:
-    """Whether whole turns of a coordinate leave everything as it was."""
+def _turns(chart: Chart, name: str, wanted: Wanted) -> bool:
+    """Whether a coordinate may turn on and on, and whole turns leave everything as it was."""
     if name not in chart.joints:
         return False
     m, v = chart.mechanism, joint_index(chart.mechanism, name)[1]
-    return bool(turning(m)[v] and not tied(m)[v])
+    free = bool(np.isinf(_bounds(chart, name, wanted)).all())
+    return bool(turning(m)[v] and not tied(m)[v]) and free
 
 
 def around(chart: Chart, name: str, wanted: Wanted, span: float = SPAN) -> tuple[float, float]:
-    """Range around the modes' value, within limits: a whole turn where these allow it.
+    """Range around the modes' value, within limits: a whole turn where there are none.
 
     Raises
     ------
@@ -226,9 +233,9 @@ def around(chart: Chart, name: str, wanted: Wanted, span: float = SPAN) -> tuple
     """
     x = float(chart.values(chart.start)[chart.names.index(name)])
     bounds = _bounds(chart, name, wanted)
-    if _turns(chart, name) and bounds[0] <= x - np.pi and x + np.pi <= bounds[1]:
+    if _turns(chart, name, wanted):
         return x - np.pi, x + np.pi
-    half = span * (chart.mechanism.length if chart.unit(name) == "m" else 1.0)
+    half = span * chart.mechanism.length if chart.unit(name) == "m" else min(span, np.pi)
     low, high = max(x - half, min(bounds[0], x)), min(x + half, max(bounds[1], x))
     if not low < high:
         raise ClosureError(f"{name!r} has no room to vary around {x:.6g}: give its range")
