@@ -108,6 +108,21 @@ def up_axis(name: str, chosen: str | None = None) -> Up:
     return robot(name).up if name in (*robots(), *families()) else "z"
 
 
+def free_fall(robot: str, words: str | None, *, none: bool) -> list[float]:
+    """Acceleration of free fall [m/s^2]: as given, none, or against the robot's up axis.
+
+    Raises ``BadArgumentError``.
+    """
+    if none:
+        return [0.0, 0.0, 0.0]
+    if words is None:
+        return [-9.81 if axis == up_axis(robot) else 0.0 for axis in "xyz"]
+    numbers = [number(word, "--gravity") for word in words.replace(",", " ").split()]
+    if len(numbers) != 3:
+        raise BadArgumentError(f"--gravity: expected three numbers, got {words!r}")
+    return numbers
+
+
 def finite(values: Sequence[float], what: str) -> None:
     """Refuse what is not finite. Raises ``BadArgumentError``."""
     if not all(map(math.isfinite, values)):

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from closedchain import _arguments as arguments
 from closedchain._options import (
     Density,
+    Gravity,
     Json,
     NoGravity,
     NoXacro,
@@ -52,6 +53,7 @@ def statics(
     values: Values = None,
     wrench: Wrench = None,
     payload: Payload = None,
+    gravity: Gravity = None,
     no_gravity: NoGravity = False,
     density: Density = None,
     settings: Settings = None,
@@ -64,13 +66,16 @@ def statics(
 
     mechanism, q = loaded(robot, values, settings, variant, no_xacro=no_xacro, density=density)
     forces, masses = wrenches(mechanism, wrench), payloads(payload)
-    found = cc.statics(mechanism, q, forces, not no_gravity, payload=masses)
+    fall = arguments.free_fall(robot, gravity, none=no_gravity)
+    found = cc.statics(mechanism, q, forces, fall, payload=masses)
     if json:
-        print_json({"robot": mechanism.name, **vars(found)})
+        print_json({"robot": mechanism.name, "gravity": fall, **vars(found)})
     if not found.carried:
         fail(found.text)
     if not json:
         _report(mechanism, found)
+        if any(fall):
+            say(f"weights: {' '.join(f'{x:g}' for x in fall)} m/s^2")
 
 
 def payloads(words: list[str] | None) -> dict[str, float]:
