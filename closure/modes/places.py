@@ -42,7 +42,6 @@ class Place:
             given=two if two.ndim == 1 else two[which],
         )
 
-
     @staticmethod
     def stacked(places: Sequence[Place], count: int) -> Place:
         """Places of single paths, each for ``count`` paths, one place after the other."""
