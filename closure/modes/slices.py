@@ -4,7 +4,8 @@ What is prescribed moves on a line, by a parameter z, and y is a weighted sum of
 where the bodies are. The solutions for all z are a curve, and surfaces (z - z0) (y - c) = s meet it
 in as many points for each s. At s = 0 those with z = z0 are the solutions at one place.
 
-Where angles are prescribed, the tangents of half of them move on the line, so that all is algebraic.
+Where angles are prescribed, the tangents of half of them move on the line, so that all is
+algebraic.
 """
 
 from __future__ import annotations
@@ -118,7 +119,7 @@ class Slices:
 
         Coordinates of points, where they tell the known solutions apart; else all of shapes.
         """
-        g, k = self._graph
+        _, k = self._graph
         m = self.block.equations.problem.mechanism
         points = [x for i in range(1, m.model.njoints) for x in k.poses[i][1]]
         for closure in m.closures:
@@ -153,9 +154,7 @@ class Slices:
                 used.append(frozenset().union(*(used[i] for i in node[1:])))
         own, allowed = set(self.block.own.tolist()), set(self.own.tolist())
         return [
-            x
-            for x in dict.fromkeys(numbers)
-            if used[x.index] <= allowed and used[x.index] & own
+            x for x in dict.fromkeys(numbers) if used[x.index] <= allowed and used[x.index] & own
         ]
 
     @cached_property
@@ -199,9 +198,7 @@ class Slices:
         target = [k.q[i] for i in problem.pinned_q]
         for i in range(0, self._goals, POSE):
             turn = line[i + 3 : i + 7]
-            size = (turn[0] * turn[0] + turn[1] * turn[1]) + (
-                turn[2] * turn[2] + turn[3] * turn[3]
-            )
+            size = (turn[0] * turn[0] + turn[1] * turn[1]) + (turn[2] * turn[2] + turn[3] * turn[3])
             inverse = size.sqrt().recip()
             target += [m.length * x for x in line[i : i + 3]] + [inverse * x for x in turn]
         every = problem.rows(k, target)
