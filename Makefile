@@ -1,4 +1,4 @@
-# The whole interface: make env | demo | test | check | bench | fuzz | clean
+# The whole interface: make env | demo | test | check | docs | bench | fuzz | clean
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
@@ -6,7 +6,7 @@ STAMP := $(VENV)/.installed
 
 SECONDS ?= 600
 
-.PHONY: env demo test check bench fuzz clean
+.PHONY: env demo test check docs bench fuzz clean
 
 env: $(STAMP)
 
@@ -28,6 +28,9 @@ check: env
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy -p closedchain
+
+docs: env
+	$(BIN)/python -m website
 
 bench: env
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m benchmarks.run

@@ -138,7 +138,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--repeats", type=int, default=2000, help="calls of fast functions")
     parser.add_argument("--cells", type=int, default=61, help="map cells along an axis")
-    parser.add_argument("--surveys", nargs="*", default=robots(), help="robots to survey")
+    parser.add_argument("--surveys", nargs="*", default=robots("papers"), help="robots to survey")
     parser.add_argument("--stacks", nargs="*", type=int, default=(1, 2, 4, 8, 16))
     parser.add_argument("--sections", nargs="*", choices=SECTIONS, default=tuple(SECTIONS))
     parser.add_argument("--json", type=Path, help="also write the rows to this file")

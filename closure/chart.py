@@ -51,6 +51,14 @@ class Chart:
         Every prescribed coordinate that does not vary.
     start : (nq,) array
         Closed posture with the held values, on the branch that is meant.
+
+    Examples
+    --------
+    >>> m = cc.load("d1")
+    >>> home, step = m.input_values(m.home), np.linspace(-0.1, 0.1, 7)
+    >>> found = cc.singularity_set(m, "direct", {"q1": home[0] + step, "q4": home[3] + step})
+    >>> found.chart.names
+    ('q1', 'q4')
     """
 
     mechanism: Mechanism

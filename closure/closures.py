@@ -113,6 +113,12 @@ class Coupling:
         The first is the follower of a mimic or polynomial; it gives the row its unit.
     length_row : bool
         Whether the row is a length: its first joint slides.
+
+    Examples
+    --------
+    >>> m = cc.load("rus6")
+    >>> [(c.name, c.kind, c.rows) for c in m.closures if c.kind in ("coupling", "linear")][:1]
+    [('leg2_F_mimic', 'coupling', 1)]
     """
 
     name: str

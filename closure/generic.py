@@ -32,8 +32,8 @@ class GenericRank:
     Attributes
     ----------
     rank : Rank
-        The largest, at the posture where its gap was smallest. Postures at which a singular value
-        may be the posture's own error count only where there are no others.
+        The largest, at the posture where its gap was smallest. Home counts unless one of its
+        singular values may be its own error.
     at_home : int
     samples : int
         Postures looked at, home included.
@@ -103,8 +103,8 @@ def sampled_rank(mechanism: Mechanism) -> GenericRank:
     if mechanism not in _FOUND:
         jacobians = [dimensionless_jacobian(mechanism, q) for q in closed_samples(mechanism)]
         ranks = [numerical_rank(jacobian) for jacobian in jacobians]
-        clear = [r for r, k in zip(ranks, jacobians, strict=True) if not doubtful(k)]
-        rank = _largest(clear or ranks)
+        unclear = [doubtful(jacobian) for jacobian in jacobians]
+        rank = _largest(ranks[1:] if unclear[0] and not all(unclear) else ranks)
         _FOUND[mechanism] = GenericRank(rank, min(ranks[0].value, rank.value), len(ranks))
     return _FOUND[mechanism]
 
@@ -121,6 +121,18 @@ def generic_ranks(mechanism: Mechanism, outputs: tuple[str, ...]) -> GenericRank
     if outputs not in found:
         found[outputs] = _ranks(mechanism, outputs)
     return found[outputs]
+
+
+def still_joints(mechanism: Mechanism) -> tuple[str, ...]:
+    """Joints of the tree that no closed motion moves, at home and at postures around it."""
+    moving = np.zeros(mechanism.model.nv)
+    for q in closed_samples(mechanism):
+        basis, _ = null_space(dimensionless_jacobian(mechanism, q))
+        moving = np.maximum(moving, np.abs(basis).max(axis=1, initial=0.0))
+    joints = list(zip(mechanism.model.names, mechanism.model.joints, strict=True))[1:]
+    return tuple(
+        name for name, j in joints if moving[j.idx_v : j.idx_v + j.nv].max() < RANK_TOLERANCE
+    )
 
 
 def dimensionless_jacobian(mechanism: Mechanism, q: np.ndarray) -> np.ndarray:

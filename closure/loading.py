@@ -131,11 +131,11 @@ def mechanism_from_description(
         raise DescriptionError(f"tolerance must be a length in m, not below 0, got {tolerance!r}")
     if home:
         description = replace(description, home={**description.home, **_given(description, home)})
-    mechanism, rounding = meant(as_stated, as_stated(description), tolerance)
+    mechanism, rounding, doubts = meant(as_stated, as_stated(description), tolerance)
     stated = mechanism.home
     # the length of the stated posture closes home, whose own length then holds
     found = assembled(mechanism)
-    assumed = () if rounding is None else (rounding.text,)
+    assumed = doubts if rounding is None else (rounding.text, *doubts)
     _, missing = with_mesh_paths(description)
     closed = mechanism.with_home(found.q, length_at(mechanism, found.q))
     return replace(

@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 from closedchain.closure.closures import Closure, Coupling
 from closedchain.closure.joint_kinds import FLOATING, TREE_KINDS
 from closedchain.closure.rigid_constraints import rigid_constraints
+from closedchain.closure.showing import registered
 from closedchain.closure.solve.control import CLOSED
 from closedchain.closure.workspace import Workspace
 from closedchain.urdf.description import OUTPUTS, Description, ParameterValue
@@ -38,6 +39,12 @@ class TaskFrame:
     ``outputs``: x y z are the velocity of the tip's origin, rx ry rz its angular velocity. With
     all three rotations, or none, components are along the world's axes; with one or two, along the
     tip's own axes, so that "x y z rx rz" is a position and the direction of the tip's y axis.
+
+    Examples
+    --------
+    >>> task = cc.load("linear_delta").task
+    >>> task.base, task.tip, task.outputs
+    ('base', 'P', ('x', 'y', 'z'))
     """
 
     base: str
@@ -131,6 +138,29 @@ class Mechanism:
         )
 
     # -- sizes, columns and scales ---------------------------------------------------------------
+
+    def show(self, q: ArrayLike | None = None, **options: Any) -> Any:
+        """Page of the mechanism for a notebook: sliders move it, its loops stay closed.
+
+        Parameters
+        ----------
+        q : (nq,) array, optional
+            Posture to begin with; home by default.
+        **options
+            ``height`` [pixels], ``up``, ``overlays``, ``controls``, ``title``, ``animation``, as
+            ``closedchain.robots.embedding.show``.
+
+        Returns
+        -------
+        Embedded
+            A notebook shows it where it is the last value of a cell; it needs no network.
+
+        Raises
+        ------
+        ClosureError
+            Malformed posture or options.
+        """
+        return registered()(self, q, **options)
 
     @cached_property
     def rows(self) -> int:
@@ -329,7 +359,12 @@ class Mechanism:
         """Check a velocity: (nv,) finite numbers. Raises ``ClosureError``."""
         return finite_vector(v, self.model.nv, "velocity v", "nv")
 
-    def input_vector(self, values: ArrayLike | Mapping[str, float], what: str) -> np.ndarray:
+    def input_vector(
+        self,
+        values: ArrayLike | Mapping[str, float],
+        what: str,
+        largest: float = LARGEST_NUMBER,
+    ) -> np.ndarray:
         """Check one number per input, given in order or by name. Raises ``ClosureError``."""
         if type(values) is not np.ndarray and isinstance(values, Mapping):
             for name in values:
@@ -339,7 +374,7 @@ class Mechanism:
             if missing:
                 raise ClosureError(f"{what}: no value for input {', '.join(missing)}")
             values = [values[name] for name in self.inputs]
-        return finite_vector(values, len(self.inputs), what, " ".join(self.inputs))
+        return finite_vector(values, len(self.inputs), what, " ".join(self.inputs), largest)
 
     def input_rows(self, values: ArrayLike, what: str) -> np.ndarray:
         """Check (n, n_inputs) finite numbers. Raises ``ClosureError``."""
@@ -377,7 +412,7 @@ class Mechanism:
         try:
             return self.frame_ids[name]
         except KeyError:
-            raise ClosureError(known_names(name, "frame", self.frame_ids)) from None
+            raise ClosureError(known_names(str(name), "frame", self.frame_ids)) from None
 
     def pose(self, q: ArrayLike, frame: str | None = None) -> pin.SE3:
         """Pose of a frame in the world at ``q`` (nq,); the tip's where none is named.
@@ -472,8 +507,13 @@ class Mechanism:
             return self._local.workspace
 
 
-def finite_vector(values: ArrayLike, size: int, what: str, unit: str) -> np.ndarray:
-    """Check (size,) finite real numbers; a single one may come bare. Raises ``ClosureError``."""
+def finite_vector(
+    values: ArrayLike, size: int, what: str, unit: str, largest: float = LARGEST_NUMBER
+) -> np.ndarray:
+    """Check (size,) finite real numbers, at most ``largest`` in size; a single one may come bare.
+
+    Raises ``ClosureError``.
+    """
     if type(values) is np.ndarray and values.dtype is FLOAT and values.shape == (size,):
         array = values.copy()
         if array.dot(array) <= LARGEST_SQUARE:  # also false for what is not finite
@@ -492,10 +532,9 @@ def finite_vector(values: ArrayLike, size: int, what: str, unit: str) -> np.ndar
     if not np.isfinite(array).all():
         bad = np.flatnonzero(~np.isfinite(array))
         raise ClosureError(f"{what} has entries that are not finite, at index {bad.tolist()}")
-    if array.size and np.abs(array).max() > LARGEST_NUMBER:
-        bad = np.flatnonzero(np.abs(array) > LARGEST_NUMBER)
+    if array.size and np.abs(array).max() > largest:
+        bad = np.flatnonzero(np.abs(array) > largest)
         raise ClosureError(
-            f"{what} has entries beyond {LARGEST_NUMBER:g} (metres, radians), at index "
-            f"{bad.tolist()}"
+            f"{what} has entries beyond {largest:g} (SI units), at index {bad.tolist()}"
         )
     return array

@@ -26,6 +26,13 @@ class Rank:
     value : int
     above, below : float
         Smallest singular value that counts and largest that does not (0 where there is none).
+
+    Examples
+    --------
+    >>> m = cc.load("linear_delta")
+    >>> rank = cc.mobility(m).rank
+    >>> rank.value, rank.above > 1e3 * rank.below
+    (13, True)
     """
 
     value: int

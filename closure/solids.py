@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 
+from closedchain.closure.given import one_number
 from closedchain.closure.mechanism import Mechanism
 from closedchain.closure.tree import weighed_anew
-from closedchain.urdf.errors import ClosureError
 from closedchain.urdf.solid_links import solids_note, with_solids
 from closedchain.urdf.writing import document_text, inertial_element, urdf_document
 
@@ -38,8 +37,7 @@ def with_inertias(mechanism: Mechanism, density: float = DENSITY) -> Mechanism:
     >>> sum(body.mass for body in m.model.inertias) > 1.0  # [kg]
     True
     """
-    if not (math.isfinite(density) and density > 0.0):
-        raise ClosureError(f"density must be above zero, got {density}")
+    density = one_number(density, "density")
     before = mechanism.description
     root = urdf_document(before)
     links = with_solids(root, before.links, before.root, density)

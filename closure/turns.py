@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pinocchio as pin
 
 from closedchain.closure.closures import Coupling
 from closedchain.closure.mechanism import Mechanism
@@ -29,6 +30,12 @@ def tied(mechanism: Mechanism) -> np.ndarray:
 def without_turns(v: np.ndarray, angles: np.ndarray) -> np.ndarray:
     """Motions (..., nv) [m, rad], whole turns of the ``angles`` (nv,) of bool left out."""
     return np.asarray(np.where(angles, v - 2.0 * np.pi * np.round(v / (2.0 * np.pi)), v))
+
+
+def way(mechanism: Mechanism, one: np.ndarray, two: np.ndarray) -> np.ndarray:
+    """Dimensionless motion (nv,) from one posture (nq,) to another, whole turns left out."""
+    step = without_turns(pin.difference(mechanism.model, one, two), turning(mechanism))
+    return np.asarray(step / mechanism.column_scale)
 
 
 SAME = 1e-6

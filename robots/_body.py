@@ -11,7 +11,7 @@ import pinocchio as pin
 from closedchain.closure import Closure, Mechanism
 from closedchain.robots._visuals import read_visuals
 
-_STICK, _JOINT, _CLOSURE, _GAP = 0x5A5E66, 0xE6730D, 0x0D8C80, 0xD0021B
+_STICK, _JOINT, _CLOSURE, _GAP = 0x5A5E66, 0xE3BF58, 0x6B3D6B, 0xD0021B
 _OPEN = 1e-6  # [m, rad] that a closure which is drawn as open is open by
 
 Fixed = tuple[int, np.ndarray]  # a point (3,) [m] in the frame of a Pinocchio joint

@@ -3,22 +3,27 @@
 from __future__ import annotations
 
 import html
+import itertools
 import math
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from importlib.resources import files
-from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from closedchain.closure import Closure, Mechanism
+from closedchain.closure import Mechanism
 from closedchain.closure.code.exporting import export_code
-from closedchain.robots._page import json_in_script, module_script
-from closedchain.robots._planes import plane_data, plane_maps
+from closedchain.closure.generic import sampled_rank
+from closedchain.closure.singularity_kinds import COMBINED, KINDS, TYPES
+from closedchain.robots._layers import Reach, draw_layers, joint_names, layer_switches
+from closedchain.robots._page import Fragment, data_script, json_in_script, resource
+from closedchain.robots._planes import local_map, plane_data, plane_maps
 from closedchain.robots._player import moving
 from closedchain.robots._recorder import TO_Z
 from closedchain.robots._scene import Scene
 from closedchain.robots.controls import Controls, PostureSeries
+from closedchain.robots.overlays import DASHES, PALETTE
 from closedchain.urdf.description import OUTPUTS
 from closedchain.urdf.errors import ClosureError
 
@@ -27,12 +32,13 @@ Places = Mapping[str, np.ndarray]
 FREE_FALL = 9.81
 """[m/s^2], down the page."""
 
-SINGULAR = 1e-6
-"""Singular value below which the page calls a posture singular; LAPACK decides finer."""
-
 NEAR = 0.03
 """Singular value below which a way that stops is said to have met a singularity."""
 
+SCRIPTS = (
+    "angles", "instrument", "readouts", "maps", "choosing", "local_map", "layers", "console",
+)  # fmt: skip
+LOAD = ("fx", "fy", "fz", "mx", "my", "mz")
 TURN = math.pi
 WIDEST = 4.0 * math.pi  # range of a joint [rad] that a slider still shows whole
 ANGLES = ("roll", "pitch", "yaw")
@@ -61,8 +67,8 @@ def immovable(mechanism: Mechanism, q: np.ndarray) -> str:
     return ""
 
 
-def controls(mechanism: Mechanism, q: np.ndarray, scene: Scene, offered: Controls) -> str:
-    """HTML of the instrument, at a closed posture (nq,).
+def controls(mechanism: Mechanism, q: np.ndarray, scene: Scene, offered: Controls) -> Fragment:
+    """The instrument, at a closed posture (nq,).
 
     Raises
     ------
@@ -70,49 +76,78 @@ def controls(mechanism: Mechanism, q: np.ndarray, scene: Scene, offered: Control
         Malformed postures, or planes over what no slider moves.
     """
     bodies, series = scene.bodies, offered.series
-    given = {name: mechanism.configuration(p) for name, p in offered.places.items()}
-    named = _postures(mechanism) | given
+    places = _closed_postures(mechanism) | _checked(mechanism, offered.places)
+    modes = _checked(mechanism, offered.modes)
     (module,) = export_code(mechanism, "js", name="robot").values()
     knobs = list(_knobs(mechanism, bodies.size))
     measured = bool(mechanism.inputs) and mechanism.task is not None
+    reach = Reach.of(mechanism.outputs()) if measured else None
+    pairs = _pairs(knobs) if measured else []
     used, parts, sticks = moving(bodies)
+    layers = draw_layers(scene, mechanism, measured=measured)
+    parts += layers.parts(used)
     data = {
         "start": q.tolist(),
         "bodies": used,
         "parts": parts,
         "sticks": sticks,
-        "knobs": [{"way": k.way, "at": k.at} for k in knobs],
-        "postures": [posture.tolist() for posture in named.values()],
+        "moves": {"direct": bool(mechanism.inputs), "inverse": mechanism.task is not None},
+        "knobs": [{"way": k.way, "at": k.at, "name": k.name} for k in knobs],
+        "pairs": pairs,
+        "unsigned": mechanism.rows > sampled_rank(mechanism).rank.value,
+        "strokes": {
+            kind: {"colour": PALETTE[kind], "dashes": " ".join(map(str, DASHES[kind])) or "none"}
+            for kind in ("direct", "inverse")
+        },
+        "postures": [posture.tolist() for posture in places.values()],
+        "modes": [{"name": name, "posture": one.tolist()} for name, one in modes.items()],
         "series": [{"q": one.q.tolist(), "points": one.points.tolist()} for one in series],
         "planes": [plane_data(mechanism, plane) for plane in offered.planes],
         "root": [part for part in scene.root.split("/") if part],
-        "names": list(_names(mechanism)),
+        "names": list(joint_names(mechanism)),
+        "layers": layers.data,
+        "load": LOAD,
         "fall": (-FREE_FALL * TO_Z[scene.up][2]).tolist(),
         "measured": measured,
-        "singular": SINGULAR,
         "near": NEAR,
+        "reach": None if reach is None else {"first": reach.first, "count": reach.count},
+        "titles": {kind.name: kind.title for kind in (*KINDS.values(), COMBINED)},
+        "types": {name: f"{one.title}: {one.meaning}" for name, one in TYPES.items()},
     }
-    script = (files("closedchain.robots") / "controls.js").read_text(encoding="utf-8")
-    return (
+    body = (
         '<div id="controls" role="group" aria-label="instrument">\n'
         + _rows(knobs)
         + '<p id="stop" class="told" role="alert" hidden></p>\n'
-        + '<button type="button" id="across" hidden>go to the other side</button>\n'
+        + '<button type="button" id="across" hidden>go on to the other branch</button>\n'
+        + '<p id="told" class="told" role="status" hidden></p>\n'
         + '<p id="limits" class="told" role="status" hidden></p>\n'
-        + _readouts(mechanism, measured)
+        + _lists(places, modes)
+        + _readouts(mechanism, reach)
         + plane_maps(offered.planes)
+        + local_map(len(offered.planes), [f"{knobs[i].name} × {knobs[j].name}" for i, j in pairs])
         + _series_rows(series)
         + (_load(mechanism) if measured else "")
-        + _buttons(named)
+        + layer_switches(layers, reach)
+        + _buttons()
         + '</div>\n<div id="signs" hidden></div>\n'
-        + f'<script type="application/json" id="instrument">{json_in_script(data)}</script>\n'
-        + module_script(module + script)
+        + data_script("instrument", json_in_script(data))
     )
+    script = _as_object(module) + "".join(resource(f"{name}.js") for name in SCRIPTS)
+    return Fragment(body, resource("controls.css"), (f'"use strict";\n{{\n{script}}}\n',))
 
 
-def style() -> str:
-    """CSS of the instrument."""
-    return (files("closedchain.robots") / "controls.css").read_text(encoding="utf-8")
+def _as_object(module: str) -> str:
+    """A module of JavaScript as one object ``robot``."""
+    names = [*re.findall(r"^export (?:function|const) (\w+)", module, re.M)]
+    inner = re.sub(r"^export ", "", module, flags=re.M)
+    if re.search(r"^function singularValues", inner, re.M):
+        names.append("singularValues")  # for ellipsoids
+    return f"const robot = (() => {{\n{inner}\nreturn {{{', '.join(names)}}};\n}})();\n"
+
+
+def _checked(mechanism: Mechanism, given: Mapping[str, ArrayLike]) -> dict[str, np.ndarray]:
+    """Postures by name. Raises ``ClosureError`` for malformed ones."""
+    return {name: mechanism.configuration(one) for name, one in given.items()}
 
 
 def _knobs(mechanism: Mechanism, size: float) -> Iterator[Knob]:
@@ -137,7 +172,17 @@ def _knobs(mechanism: Mechanism, size: float) -> Iterator[Knob]:
             yield Knob("inverse", at, ANGLES[at - 3], "rad", -TURN, TURN)
 
 
-def _postures(mechanism: Mechanism) -> dict[str, np.ndarray]:
+def _pairs(knobs: Sequence[Knob]) -> list[tuple[int, int]]:
+    """Pairs of knobs that a map may be over: two inputs, or two coordinates of the tip's place."""
+    every = itertools.combinations(enumerate(knobs), 2)
+    return [
+        (i, j)
+        for (i, one), (j, other) in every
+        if one.way == other.way and (one.way == "direct" or max(one.at, other.at) < 3)
+    ]
+
+
+def _closed_postures(mechanism: Mechanism) -> dict[str, np.ndarray]:
     """Named postures that close."""
     found = {}
     for name in mechanism.postures:
@@ -146,23 +191,6 @@ def _postures(mechanism: Mechanism) -> dict[str, np.ndarray]:
         except ClosureError:
             continue
     return found
-
-
-def _names(mechanism: Mechanism) -> Iterator[dict[str, Any]]:
-    """Joints by name, and where they are: a body (0 for the base) and a point on it [m]."""
-    model = mechanism.model
-    driven = dict(zip(mechanism.input_v.tolist(), mechanism.inputs, strict=True))
-    for i in range(1, model.njoints):
-        if model.nvs[i] == 1:
-            own = str(model.names[i])
-            given = driven.get(int(model.idx_vs[i]), own)
-            text = own if given == own else f"{own} ({given})"
-            driving = int(model.idx_vs[i]) in driven
-            yield {"text": text, "body": i, "at": [0.0, 0.0, 0.0], "driven": driving}
-    for closure in mechanism.closures:
-        if isinstance(closure, Closure):
-            at = [float(x) for x in closure.placement1.translation]
-            yield {"text": closure.name, "body": int(closure.joint1), "at": at, "driven": False}
 
 
 def _series_rows(series: Sequence[PostureSeries]) -> str:
@@ -181,19 +209,25 @@ def _series_rows(series: Sequence[PostureSeries]) -> str:
 
 
 def _load(mechanism: Mechanism) -> str:
-    """Fields for a force at the tip, and the efforts that hold it and the weights."""
+    """Fields for a load at the tip, and the efforts that hold it and the weights."""
     fields = "".join(
-        f'<input id="force-{i}" type="number" step="1" value="0" aria-label="force {axis} [N]">'
-        for i, axis in enumerate("xyz")
+        f'<input id="load-{i}" type="number" step="1" value="0" '
+        f'aria-label="{what} {axis} [{unit}]">'
+        for i, (what, axis, unit) in enumerate(
+            [("force", axis, "N") for axis in "xyz"] + [("moment", axis, "N m") for axis in "xyz"]
+        )
     )
     units = ("N" if unit == "m" else "N m" for unit in mechanism.input_units)
     rows = "".join(
         f'<tr><th>{html.escape(name)}</th><td id="effort-{i}"></td><td>{unit}</td></tr>'
         for i, (name, unit) in enumerate(zip(mechanism.inputs, units, strict=True))
     )
+    weighty = any(inertia.mass > 0.0 for inertia in list(mechanism.model.inertias)[1:])
+    weights = "weights of the bodies" if weighty else "weights: the description gives no masses"
     return (
         "<details><summary>efforts that hold a load and the weights</summary>"
-        f'<div class="force"><span>force at the tip, x y z [N]</span>{fields}</div>'
+        '<div class="load"><span>force [N] and moment [N m] on the tip, x y z</span>'
+        f'{fields}</div><label><input type="checkbox" id="weights" checked> {weights}</label>'
         f"<table>{rows}</table></details>\n"
     )
 
@@ -225,19 +259,27 @@ def _rounded(step: float) -> str:
     return f"{10.0 ** math.floor(math.log10(max(step, 1e-6))):g}"
 
 
-def _readouts(mechanism: Mechanism, measured: bool) -> str:
+def _readouts(mechanism: Mechanism, reach: Reach | None) -> str:
     rows = ['<tr><th>loops open by</th><td id="residual"></td></tr>']
     if mechanism.task is not None:
         tip = html.escape(mechanism.task.tip)
         rows.append(f'<tr><th>tip {tip}, x y z</th><td id="tip-place" colspan="2"></td></tr>')
         rows.append('<tr><th>roll pitch yaw</th><td id="tip-turn" colspan="2"></td></tr>')
-    if measured:
+    if reach is not None:
         rows.append('<tr><th>posture</th><td id="kinds" colspan="2"></td></tr>')
+        rows.append('<tr><th>types (Zlatanov)</th><td id="types" colspan="2"></td></tr>')
+        rows.append('<tr><th>singular posture</th><td id="distance" colspan="2"></td></tr>')
         rows += [
             f'<tr><th>sigma {kind}</th><td id="sigma-{kind}"></td>'
             f'<td class="bar"><span><b id="bar-{kind}"></b></span></td></tr>'
             for kind in ("direct", "inverse")
         ]
+        if reach.count > 1:
+            rows.append('<tr><th>evenness of the tip</th><td id="evenness"></td></tr>')
+        rows.append(
+            f'<tr><th>effort for {reach.load}, at most</th><td id="effort-per-force"></td>'
+            f"<td>{_effort_units(mechanism)}</td></tr>"
+        )
     joints = "".join(
         f'<tr><th>{html.escape(name)}</th><td id="q-{i}"></td></tr>'
         for i, name in enumerate(_coordinate_names(mechanism))
@@ -256,13 +298,27 @@ def _coordinate_names(mechanism: Mechanism) -> list[str]:
     return names
 
 
-def _buttons(named: Places) -> str:
-    options = "".join(f"<option>{html.escape(name)}</option>" for name in named)
+def _effort_units(mechanism: Mechanism) -> str:
+    units = {"N" if unit == "m" else "N m" for unit in mechanism.input_units}
+    return " or ".join(sorted(units))
+
+
+def _lists(places: Places, modes: Places) -> str:
+    """Lists of postures to go to."""
+    lists = []
+    for name, title, some in (("modes", "mode", modes), ("postures", "go to", places)):
+        if some:
+            options = "".join(f"<option>{html.escape(one)}</option>" for one in some)
+            lists.append(
+                f'<select id="{name}" aria-label="{title}"><option>{title} ...</option>'
+                f"{options}</select>"
+            )
+    return f'<div class="buttons">{"".join(lists)}</div>\n' if lists else ""
+
+
+def _buttons() -> str:
     return (
-        '<div class="buttons"><select id="postures" aria-label="go to a posture">'
-        f"<option>go to</option>{options}</select>"
-        '<button type="button" id="picture">picture</button>'
-        '<button type="button" id="copy">q as numbers</button>'
-        '<label><input type="checkbox" id="names"> joint names</label></div>\n'
+        '<div class="buttons"><button type="button" id="picture">picture</button>'
+        '<button type="button" id="copy">q as numbers</button></div>\n'
         '<textarea id="copied" aria-label="numbers of q" readonly hidden></textarea>\n'
     )

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import html
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
-from closedchain.robots._shapes import balls, cividis, mapped, spelled, thinned, tube
+from closedchain.robots._shapes import balls, cividis, dashed, mapped, spelled, thinned, tube
 from closedchain.robots.box import Box
 from closedchain.robots.overlays import (
     Markers,
@@ -23,6 +24,7 @@ Overlay = Painted | Box
 _TUBE, _BALL = 0.01, 0.04  # diameters, in sizes of the robot
 _TOLERANCE = 0.05  # what thinning may move a line, in widths of it
 _HUES = 96.0  # steps of the colour bar that thinning may not merge
+_RIM = 0.85  # radius of the rim of a line that is coloured, in widths
 _FRAME = 0x8A8F98
 
 
@@ -44,10 +46,34 @@ def draw_overlay(node: Any, overlay: Overlay, size: float) -> None:
         vertices, triangles, owner = balls(overlay.points, 0.5 * diameter)
         _draw_mesh(node, overlay, vertices, triangles, owner, 1.0)
     else:
-        width = overlay.width if overlay.width is not None else _TUBE * size
-        kept = _kept(overlay, width)
-        vertices, triangles, owner = tube(overlay.points[kept], 0.5 * width, overlay.closed)
-        _draw_mesh(node, overlay, vertices, triangles, kept[owner], 1.0)
+        _draw_line(node, overlay, overlay.width if overlay.width is not None else _TUBE * size)
+
+
+def _draw_line(node: Any, line: Polyline, width: float) -> None:
+    kept = _kept(line, width)
+    points = line.points[kept]
+    if line.dashes:
+        if line.closed:
+            points = np.vstack([points, points[:1]])
+        pieces = dashed(points, tuple(width * share for share in line.dashes))
+        shapes = [tube(piece, 0.5 * width, False)[:2] for piece in pieces]
+        first = np.cumsum([0, *(len(vertices) for vertices, _ in shapes)])
+        vertices = np.vstack([vertices for vertices, _ in shapes])
+        triangles = np.vstack([faces + i for (_, faces), i in zip(shapes, first[:-1], strict=True)])
+        _draw_mesh(node, line, vertices, triangles, None, 1.0)
+        return
+    vertices, triangles, owner = tube(points, 0.5 * width, line.closed)
+    _draw_mesh(node, line, vertices, triangles, kept[owner], 1.0)
+    if line.values is not None:  # a dark rim: colours are seen on any ground
+        _draw_rim(node["rim"], *tube(points, _RIM * width, line.closed)[:2])
+
+
+def _draw_rim(node: Any, vertices: np.ndarray, triangles: np.ndarray) -> None:
+    """A shell of which only the side that looks away is drawn."""
+    import meshcat.geometry as shapes
+
+    material = shapes.MeshBasicMaterial(color=0x222222, side=1)
+    node.set_object(shapes.TriangularMeshGeometry(vertices, triangles), material)
 
 
 def _kept(line: Polyline, width: float) -> np.ndarray:
@@ -110,11 +136,32 @@ def legend_of(overlays: tuple[Overlay, ...]) -> str:
         elif overlay.values is not None:
             lines.append(_bar(overlay))
         elif overlay.label:
-            shape = {Polyline: "line", Markers: "ball"}.get(type(overlay), "face")
-            colour, label = css_colour(overlay.colour), html.escape(overlay.label)
-            style = f"background: {colour}{_see_through(overlay)}"
-            lines.append(f'<p><i class="{shape}" style="{style}"></i>{label}</p>')
+            label = html.escape(overlay.label)
+            lines.append(f"<p>{_sign(overlay)}{label}</p>")
     return "\n".join(dict.fromkeys(lines))
+
+
+def _sign(overlay: Painted) -> str:
+    """Sign of an overlay in the legend: a line with its dashes, a ball, or a face."""
+    colour = css_colour(overlay.colour)
+    if isinstance(overlay, Polyline):
+        return line_sign(colour, overlay.dashes or ())
+    shape = "ball" if isinstance(overlay, Markers) else "face"
+    return f'<i class="{shape}" style="background: {colour}{_see_through(overlay)}"></i>'
+
+
+def line_sign(colour: str, dashes: Sequence[float]) -> str:
+    """A short line as it is drawn."""
+    return (
+        '<svg width="26" height="8" aria-hidden="true"><line x1="0" x2="26" y1="4" y2="4" '
+        f"{stroke(colour, dashes)}/></svg>"
+    )
+
+
+def stroke(colour: str, dashes: Sequence[float]) -> str:
+    """Attributes of a line of SVG."""
+    pattern = " ".join(f"{x:g}" for x in dashes) or "none"
+    return f'fill="none" stroke="{colour}" stroke-width="2" stroke-dasharray="{pattern}"'
 
 
 def _see_through(overlay: Painted) -> str:

@@ -9,13 +9,12 @@ from typing import Any
 import numpy as np
 
 from closedchain.closure import Mechanism
+from closedchain.robots._overlays import line_sign, stroke
 from closedchain.robots.controls import Plane
-from closedchain.robots.overlays import PALETTE
+from closedchain.robots.overlays import DASHES, PALETTE
 from closedchain.urdf.errors import ClosureError
 
 SIZE = 200.0  # of a map, in its own units
-DASHES = {"direct": "none", "inverse": "7 3", "combined": "9 3 2 3", "constraint": "2 3"}
-"""Kinds differ by their dashes too."""
 
 
 def plane_data(mechanism: Mechanism, plane: Plane) -> dict[str, Any]:
@@ -50,17 +49,15 @@ def _map(i: int, plane: Plane) -> str:
     across, up = (html.escape(name) for name in plane.over)
     lines = "".join(_line(plane, kind, points) for kind, points in plane.curves)
     kinds = list(dict.fromkeys(kind for kind, _ in plane.curves))
-    legend = ", ".join(
-        f'<svg width="26" height="8"><line x1="0" x2="26" y1="4" y2="4" {_stroke(kind)}/></svg> '
-        f"{kind}"
-        for kind in kinds
-    )
+    legend = ", ".join(f"{line_sign(PALETTE[kind], DASHES[kind])} {kind}" for kind in kinds)
     (left, right), (low, high) = plane.ranges
     return (
         f"<h2>{across} across, {up} up</h2>\n"
-        f'<svg class="plane" id="plane-{i}" viewBox="0 0 {SIZE:g} {SIZE:g}" role="img" '
-        f'aria-label="map of {across} and {up}">{lines}<circle id="mark-{i}" r="5"/></svg>\n'
-        f'<p class="ends"><span>{left:.4g} to {right:.4g}, {low:.4g} to {high:.4g}</span> {legend}'
+        f'<svg class="plane" id="plane-{i}" viewBox="0 0 {SIZE:g} {SIZE:g}" tabindex="0" '
+        f'role="img" aria-label="map of {across} and {up}: a click or arrow keys lead there">'
+        f'{lines}<g id="mark-{i}"><circle class="mark" r="5"/></g></svg>\n'
+        f'<p class="ends"><span>{across} {left:.4g} to {right:.4g}, {up} {low:.4g} to {high:.4g}'
+        f"</span> {legend}"
         f'<span id="other-{i}" hidden> other coordinates moved: the curves are of before</span>'
         "</p>\n"
     )
@@ -70,10 +67,21 @@ def _line(plane: Plane, kind: str, points: np.ndarray) -> str:
     span = plane.ranges[:, 1] - plane.ranges[:, 0]
     places = SIZE * (points - plane.ranges[:, 0]) / span
     drawn = " ".join(f"{x:.2f},{SIZE - y:.2f}" for x, y in places)
-    return f'<polyline points="{drawn}" {_stroke(kind)}/>'
+    return f'<polyline points="{drawn}" {stroke(PALETTE[kind], DASHES[kind])}/>'
 
 
-def _stroke(kind: str) -> str:
+def local_map(number: int, names: Sequence[str]) -> str:
+    """Place of the map that the page makes around its posture, over one of some pairs by name."""
+    if not names:
+        return ""
+    options = "".join(f"<option>{html.escape(name)}</option>" for name in names)
     return (
-        f'fill="none" stroke="{PALETTE[kind]}" stroke-width="2" stroke-dasharray="{DASHES[kind]}"'
+        '<div class="buttons"><select id="pairs" aria-label="map around here over">'
+        f"<option>map around here over ...</option>{options}</select></div>\n"
+        f'<div id="local" hidden><svg class="plane" id="plane-{number}" tabindex="0" '
+        f'viewBox="0 0 {SIZE:g} {SIZE:g}" role="img" aria-label="map around here: a click or arrow '
+        f'keys lead there"><g id="local-cells"></g><g id="mark-{number}">'
+        '<circle class="mark" r="5"/></g></svg><p class="ends"><span id="local-ends"></span>. '
+        f'<span id="local-legend"></span><span id="other-{number}" hidden>; other coordinates '
+        "moved: it is of before</span></p></div>\n"
     )

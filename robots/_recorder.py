@@ -10,6 +10,7 @@ import numpy as np
 
 from closedchain.closure import Mechanism
 from closedchain.robots._body import draw_bodies
+from closedchain.urdf.extras import require
 
 Up = Literal["x", "y", "z"]
 
@@ -51,6 +52,7 @@ class Recorder:
 
 def opened(recorder: Recorder) -> Any:
     """Meshcat's view of a recorder."""
+    require("a page draws with Meshcat", "view")
     with warnings.catch_warnings():  # meshcat asks pyzmq for a module that pyzmq deprecates
         warnings.simplefilter("ignore", DeprecationWarning)
         import meshcat

@@ -10,6 +10,7 @@ import numpy as np
 
 from closedchain.closure import Mechanism
 from closedchain.robots._body import Bodies, at, draw_bodies
+from closedchain.robots._ground import draw_ground
 from closedchain.robots._overlays import Overlay, draw_overlay, extent_of
 from closedchain.robots._recorder import TO_Z, Recorder, Up, opened
 
@@ -30,6 +31,7 @@ class Scene:
     view: Any
     root: str  # Meshcat's path of the node whose coordinates are the world's
     up: Up
+    cell: float  # [m] side of the squares of the ground
 
 
 def draw(
@@ -47,7 +49,8 @@ def draw(
         draw_overlay(robot["overlays"][str(i)], overlay, bodies.size)
     points = np.vstack([bodies.extent, *(extent_of(overlay) for overlay in overlays)])
     _look_at(view, points @ TO_Z[up].T, TO_Z[up])
-    return Scene(bodies, robot, robot.path.lower(), up)
+    cell = draw_ground(robot["ground"], points, TO_Z[up])
+    return Scene(bodies, robot, robot.path.lower(), up, cell)
 
 
 def _look_at(view: Any, points: np.ndarray, rotation: np.ndarray) -> None:

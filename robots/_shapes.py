@@ -6,6 +6,8 @@ from functools import cache
 
 import numpy as np
 
+from closedchain.urdf.extras import require
+
 _SIDES = 6  # of a tube
 _GOLDEN = 0.5 * (1.0 + 5.0**0.5)
 # an icosahedron of radius 1: one corner for each sign and cyclic order of (0, 1, golden ratio)
@@ -90,6 +92,21 @@ def tube(
     return vertices, triangles, np.repeat(kept, _SIDES)
 
 
+def dashed(points: np.ndarray, pattern: tuple[float, ...]) -> list[np.ndarray]:
+    """Pieces (k, 3) of a polyline (n, 3); ``pattern`` are lengths of dashes and gaps in turn."""
+    steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    along = np.r_[0.0, np.cumsum(steps)]
+    ends = [along[0]]
+    while ends[-1] < along[-1]:
+        ends.append(ends[-1] + pattern[(len(ends) - 1) % len(pattern)])
+    pieces = []
+    for begin, end in zip(ends[::2], ends[1::2], strict=False):
+        inner = along[(along > begin) & (along < end)]
+        at = np.r_[begin, inner, min(end, along[-1])]
+        pieces.append(np.column_stack([np.interp(at, along, x) for x in points.T]))
+    return pieces
+
+
 def balls(points: np.ndarray, radius: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Icosahedra at points (n, 3): vertices, triangles, and the point each vertex belongs to."""
     vertices = (points[:, None] + radius * _CORNERS).reshape(-1, 3)
@@ -100,6 +117,7 @@ def balls(points: np.ndarray, radius: float) -> tuple[np.ndarray, np.ndarray, np
 @cache
 def cividis() -> np.ndarray:
     """The colour map as (256, 3) shares of red, green and blue."""
+    require("colours of a set come from matplotlib", "figures")
     from matplotlib import colormaps
 
     table: np.ndarray = colormaps["cividis"](np.arange(256))[:, :3]

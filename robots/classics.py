@@ -41,8 +41,8 @@ CLASSICS = (
     _classic(
         "three_rrr",
         "planar, three driven arms",
-        "C. M. Gosselin, J. Angeles, The optimum kinematic design of a planar three-degree-of-freedom "
-        "parallel manipulator, 1988; sizes of ours",
+        "C. M. Gosselin, J. Angeles, The optimum kinematic design of a planar three-degree-of-"
+        "freedom parallel manipulator, 1988; sizes of ours",
     ),
     _classic(
         "three_rpr",
@@ -55,8 +55,9 @@ CLASSICS = (
     _classic(
         "gough_stewart",
         "6-UPS, six driven legs",
-        "V. E. Gough, 1956; D. Stewart, A platform with six degrees of freedom, 1965; P. Dietmaier, "
-        "The Stewart-Gough platform of general geometry can have 40 real postures, 1998",
+        "V. E. Gough, 1956; D. Stewart, A platform with six degrees of freedom, 1965; "
+        "P. Dietmaier, The Stewart-Gough platform of general geometry can have 40 real postures, "
+        "1998",
         regular={},
         dietmaier=_DIETMAIER,
         # similar hexagons: rank 5 in every posture (O. Ma, J. Angeles, 1991)
@@ -70,11 +71,11 @@ CLASSICS = (
     _classic(
         "three_upu",
         "three driven legs, U joints",
-        "L.-W. Tsai, Kinematics of a three-DOF platform with three extensible limbs, 1996; C. Han et "
-        "al., Kinematic sensitivity analysis of the 3-UPU parallel mechanism, 2002",
-        snu={},
-        tsai={"axes": "tangential"},
-        tsai_equal={"axes": "tangential", "platform_side": 1},
+        "L.-W. Tsai, Kinematics of a three-DOF platform with three extensible limbs, 1996; "
+        "C. Han et al., Kinematic sensitivity analysis of the 3-UPU parallel mechanism, 2002",
+        tsai={},
+        tsai_equal={"platform_side": 1},
+        snu={"axes": "radial"},
     ),
     _classic(
         "delta",

@@ -98,6 +98,9 @@ class Controls:
     ----------
     places : mapping of str to (nq,) array
         Closed postures to go to, beside the mechanism's named ones.
+    modes : mapping of str to (nq,) array
+        Postures of other assembly modes. The page goes to a mode at the inputs that it has then,
+        by the mode's own branch; where that ends before, to the posture given here.
     series : sequence of PostureSeries
         Closed postures to go through.
     planes : sequence of Plane
@@ -105,5 +108,6 @@ class Controls:
     """
 
     places: Mapping[str, ArrayLike] = field(default_factory=dict)
+    modes: Mapping[str, ArrayLike] = field(default_factory=dict)
     series: Sequence[PostureSeries] = ()
     planes: Sequence[Plane] = ()

@@ -9,17 +9,13 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import ArrayLike
 
+from closedchain.closure.singularity_kinds import COMBINED, KINDS
 from closedchain.urdf.errors import ClosureError, known_names
 
 #: Colours of the kinds of singularity, told apart by colour-blind readers (Okabe and Ito).
-PALETTE = MappingProxyType(
-    {
-        "direct": "#D55E00",
-        "inverse": "#0072B2",
-        "combined": "#000000",
-        "constraint": "#009E73",
-    }
-)
+PALETTE = MappingProxyType({kind.name: kind.colour for kind in (*KINDS.values(), COMBINED)})
+#: Dashes and gaps of the kinds, in widths of a line: kinds differ without their colours too.
+DASHES = MappingProxyType({kind.name: kind.dashes for kind in (*KINDS.values(), COMBINED)})
 _HEX = re.compile(r"#[0-9a-fA-F]{6}")
 _FARTHEST = 1e6  # [m]; the browser draws in single precision
 
@@ -46,6 +42,9 @@ class Polyline:
         Diameter of the tube [m]; by default in proportion to the robot.
     closed : bool
         Whether a last piece joins the last point to the first.
+    dashes : sequence of float, optional
+        Lengths of dashes and gaps in turn, in widths; by default those of a kind that is given as
+        the colour (``DASHES``), else none. Not used where there are ``values``.
 
     Raises
     ------
@@ -61,12 +60,17 @@ class Polyline:
     limits: tuple[float, float] | None = None
     width: float | None = None
     closed: bool = False
+    dashes: tuple[float, ...] | None = None
 
     def __post_init__(self) -> None:
         what = _called("polyline", self.label)
         _keep(self, "points", spots(self.points, f"{what}: points", 2))
         _check_paint(self, what, len(self.points))
         _check_positive(self.width, f"{what}: width")
+        dashes = DASHES.get(self.colour, ()) if self.dashes is None else tuple(self.dashes)
+        if len(dashes) % 2 or not all(np.isfinite(x) and x > 0.0 for x in dashes):
+            raise ClosureError(f"{what}: dashes must be pairs of positive lengths, got {dashes}")
+        _keep(self, "dashes", dashes if self.values is None else ())
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,8 +21,8 @@ from numpy.typing import ArrayLike
 from closedchain.closure import Mechanism
 from closedchain.robots import _controls as instrument
 from closedchain.robots._overlays import Overlay, legend_of
-from closedchain.robots._page import labels, page, player
-from closedchain.robots._player import draw_balls, player_data, readout_rows, trace_lines
+from closedchain.robots._page import Fragment, labels, page
+from closedchain.robots._player import draw_balls, player, player_data, trace_lines
 from closedchain.robots._recorder import TO_Z, Recorder, Up
 from closedchain.robots._scene import draw
 from closedchain.robots.animation import (
@@ -109,16 +109,17 @@ def static_page(
             raise ClosureError(
                 f"overlays must be Polyline, Surface, Markers or Box, got {type(item).__name__}"
             )
-    recorder, style = Recorder(), ""
+    recorder, rest = Recorder(), Fragment()
     if animation is None:
         q = mechanism.configuration(mechanism.home if q is None else q)
         scene = draw(recorder, mechanism, q[None], up, overlays)
-        lines, rest = _state(mechanism, q), ""
+        lines = _state(mechanism, q)
         if controls:
             unmoved = instrument.immovable(mechanism, q)
-            lines, style = [*lines, unmoved] if unmoved else [], instrument.style()
-            offered = Controls() if controls is True else controls
-            rest = "" if unmoved else instrument.controls(mechanism, q, scene, offered)
+            lines = [*lines, unmoved] if unmoved else []
+            if not unmoved:
+                offered = Controls() if controls is True else controls
+                rest = instrument.controls(mechanism, q, scene, offered)
     else:
         checked_postures(mechanism, animation.q)
         traces = trace_lines(mechanism, animation)
@@ -129,15 +130,16 @@ def static_page(
         data = player_data(
             mechanism, animation, kept, scene.bodies, list(zip(balls, traces, strict=True))
         )
-        rest = player(data, readout_rows(animation, kept), animation.times)
+        rest = player(data, animation, kept)
         lines = [] if len(kept) == len(animation.q) else [_thinned(len(kept), len(animation.q))]
+    if not controls:
+        lines = [*lines, f"squares of {scene.cell:g} m"]
     texts = [text for item in overlays if isinstance(item, Box) for text in item.labels()]
     return page(
         mechanism.name if title is None else title,
         _legend(mechanism, [*lines, *scene.bodies.notes], legend_of(overlays)),
         recorder.commands,
         labels(scene.root, texts) + rest,
-        style,
     )
 
 

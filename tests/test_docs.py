@@ -16,7 +16,10 @@ ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / "docs"
 PAGES = {str(path.relative_to(DOCS)): path for path in sorted(DOCS.rglob("*.md"))}
 PAGES |= {name: ROOT / name for name in ("README.md", "CONTRIBUTING.md", "CHANGELOG.md")}
-FOLDERS = ("urdf", "closure", "robots", "analysis", "tests", "benchmarks", "docs", "src")
+FOLDERS = (
+    *("urdf", "closure", "robots", "analysis", "src"),
+    *("tests", "benchmarks", "docs", "examples", "notebooks", "website"),
+)
 
 
 def blocks(page: Path, language: str) -> list[str]:

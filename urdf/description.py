@@ -230,6 +230,12 @@ class Description:
         Folders that hold the packages of ``package://`` meshes.
     printed : str
         The file as it is, where ``text`` says the same in other numbers; else empty.
+
+    Examples
+    --------
+    >>> d = cc.load("linear_delta").description
+    >>> d.root, len(d.links), len(d.closures), [given.name for given in d.inputs]
+    ('base', 39, 5, ['q1', 'q2', 'q3'])
     """
 
     name: str

@@ -15,7 +15,7 @@ class ClosedChainError(Exception):
     Examples
     --------
     >>> try:
-    ...     cc.load("delta")
+    ...     cc.load("dleta")
     ... except cc.ClosedChainError as error:
     ...     print(type(error).__name__)
     DescriptionError
@@ -81,7 +81,7 @@ def known_names(wanted: str, kind: str, known: Iterable[str], *, most: int | Non
     ``most`` is how many names are listed; all of them by default.
     """
     names = list(known)
-    close = get_close_matches(wanted, names, n=1)
+    close = get_close_matches(str(wanted), names, n=1)
     hint = f" (did you mean {close[0]!r}?)" if close else ""
     listed = ", ".join(names[:most]) if names else "none"
     if most is not None and len(names) > most:

@@ -8,7 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from closedchain.analysis.figures.saving import save_figure, words_of
+from closedchain.analysis.figures.strokes import stroke
 from closedchain.urdf.errors import ClosureError, known_names
+from closedchain.urdf.extras import require
 
 if TYPE_CHECKING:
     from closedchain.analysis.forces.effort_history import EffortHistory
@@ -24,6 +27,7 @@ def draw_efforts(
     ClosureError
         An unknown joint.
     """
+    require("figures are drawn with matplotlib", "figures")
     from matplotlib.figure import Figure
 
     for name in joints:
@@ -37,19 +41,19 @@ def draw_efforts(
         ax.grid(alpha=0.3)
         if panel in ("force", "moment"):
             three = slice(0, 3) if panel == "force" else slice(3, 6)
-            for name in joints:
+            for i, name in enumerate(joints):
                 sizes = np.linalg.norm(found.joints[name][:, three], axis=1)
-                ax.plot(found.times, sizes, label=name)
+                ax.plot(found.times, sizes, label=name, **stroke(i))
             ax.set_ylabel(f"{panel} [{'N' if panel == 'force' else 'N m'}]")
         else:
             for i, name in enumerate(found.mechanism.inputs):
                 if panel == "power":
-                    ax.plot(found.times, found.powers[:, i], label=name)
+                    ax.plot(found.times, found.powers[:, i], label=name, **stroke(i))
                 elif found.mechanism.input_units[i] == panel:
-                    ax.plot(found.times, found.inputs[:, i], label=name)
+                    ax.plot(found.times, found.inputs[:, i], label=name, **stroke(i))
             unit = "W" if panel == "power" else "N" if panel == "m" else "N m"
             ax.set_ylabel(f"{'power' if panel == 'power' else 'effort'} [{unit}]")
         ax.legend(fontsize=8, ncols=3)
     axes[-1].set_xlabel("time [s]")
     figure.suptitle(found.mechanism.name)
-    figure.savefig(image, dpi=dpi)
+    save_figure(figure, image, words_of(figure), dpi)

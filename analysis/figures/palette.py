@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -15,8 +16,40 @@ if TYPE_CHECKING:
 
 _DRAWN = (KINDS["direct"], KINDS["inverse"], COMBINED, KINDS["constraint"])
 COLOURS = {kind.name: kind.colour for kind in _DRAWN}
+DASHES = {kind.name: (0, kind.dashes) if kind.dashes else "-" for kind in _DRAWN}
+HATCHES = {"direct": "||", "inverse": "--", "combined": "**", "constraint": "\\\\"}
+"""Of a map that is singular of a kind everywhere."""
+MARKERS = {"direct": "o", "inverse": "s", "combined": "D", "constraint": "^"}
+EDGES = {"direct": 0.0, "inverse": 0.35, "combined": 0.0, "constraint": 0.7}
+"""Width of the edges of triangles: surfaces differ by them without their colours."""
 KIND_LABELS = {kind.name: kind.label for kind in _DRAWN}
 GREY = "#888888"
+
+
+@dataclass(frozen=True)
+class Scheme:
+    """Colours of a figure: lines and faces of kinds, and colour maps by the scale of a measure.
+
+    ``blanks``: whether cells without a posture have colours beside their hatches.
+    """
+
+    kinds: Mapping[str, str]
+    faces: Mapping[str, str]
+    maps: Mapping[str, str]
+    blanks: bool
+
+
+COLOURED = Scheme(
+    COLOURS, COLOURS, {"zero": "cividis", "signed": "PRGn", "log": "viridis_r"}, blanks=True
+)
+"""All maps even in lightness or safe for the colour-blind."""
+PRINTED = Scheme(
+    dict.fromkeys(COLOURS, "#000000") | {"constraint": "#444444"},
+    {"direct": "#909090", "inverse": "#FFFFFF", "combined": "#404040", "constraint": "#D0D0D0"},
+    {"zero": "Greys", "signed": "Greys", "log": "Greys_r"},  # light where it is singular
+    blanks=False,
+)
+"""For print without colours: kinds differ by dashes and markers, cells by hatches."""
 
 
 @dataclass(frozen=True)
@@ -48,11 +81,6 @@ class Measure:
     label: str
     kind: str | None
     scale: str
-
-    @property
-    def colours(self) -> str:
-        """Name of a colour map: all of them even in lightness or safe for the colour-blind."""
-        return {"zero": "cividis", "signed": "PRGn", "log": "viridis_r"}[self.scale]
 
 
 MEASURES = {
@@ -144,6 +172,23 @@ def start_of(data: xr.Dataset) -> tuple[str, list[float]] | None:
     if any(value is None for value in values):
         return None
     return str(data.attrs.get("start", "start")), [float(value) for value in values]  # type: ignore[arg-type]
+
+
+def blank_colour(name: str, scheme: Scheme) -> str:
+    """Colour of cells of a status that have no posture; white in print, where hatches tell."""
+    return BLANKS[name].colour if scheme.blanks else "#FFFFFF"
+
+
+def start_within(data: xr.Dataset) -> tuple[str, list[float]] | None:
+    """``start_of`` where it lies in the range of the map, else None: it is not drawn then."""
+    start = start_of(data)
+    if start is None:
+        return None
+    for name, value in zip(data["status"].dims, start[1], strict=True):
+        low, high = float(data[name][0]), float(data[name][-1])
+        if not low - 1e-9 <= value <= high + 1e-9:
+            return None
+    return start
 
 
 def axis_label(data: xr.Dataset, name: str) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -9,14 +10,20 @@ import numpy as np
 
 from closedchain.analysis.figures.palette import (
     BLANKS,
-    COLOURS,
+    COLOURED,
+    DASHES,
     GREY,
+    HATCHES,
+    MARKERS,
     Measure,
+    Scheme,
     axis_label,
+    blank_colour,
     colour_range,
-    start_of,
+    start_within,
     statuses_of,
 )
+from closedchain.analysis.figures.ticks import calm_ticks
 from closedchain.analysis.survey.set_tables import DrawableSet, polylines
 
 if TYPE_CHECKING:
@@ -36,47 +43,66 @@ def is_polar(names: Sequence[str], data: xr.Dataset) -> bool:
 
 
 def draw_panel(
-    ax: Axes, data: xr.Dataset, sets: Sequence[DrawableSet], name: str, measure: Measure
+    ax: Axes,
+    data: xr.Dataset,
+    sets: Sequence[DrawableSet],
+    name: str,
+    measure: Measure,
+    scheme: Scheme = COLOURED,
+    *,
+    small: bool = False,
 ) -> None:
-    """Fill the axes, polar ones for tilt and azimuth, with one variable of a map."""
+    """Fill the axes, polar ones for tilt and azimuth, with one variable of a map.
+
+    A ``small`` panel has no second scale in degrees.
+    """
     first, second = _order(ax, [str(d) for d in data["status"].dims])
     x, y = data[first].to_numpy(), data[second].to_numpy()
     edges = _edges(x), _edges(y)
     cells = data.transpose(first, second)
     ax.grid(False)
-    _draw_blanks(ax, x, y, edges, cells)
+    _draw_blanks(ax, edges, cells, scheme)
     whole = [s for s in sets if s.everywhere and s.kind == measure.kind]
     values = cells[name].to_numpy()
     if whole:
         there = np.where(np.isfinite(values), 1.0, np.nan)
-        _fill(ax, edges, there, COLOURS[str(measure.kind)], alpha=0.35)
+        kind = str(measure.kind)
+        _fill(ax, edges, there, scheme.faces[kind], alpha=0.35)
+        _hatch(ax, edges, np.isfinite(values), HATCHES[kind])
         ax.set_title(f"every posture is {measure.kind}ly singular", fontsize=10)
     else:
         shown, how, open_end = colour_range(values, measure.scale)
-        mesh = ax.pcolormesh(*edges, shown.T, cmap=measure.colours, rasterized=True, **how)
+        mesh = ax.pcolormesh(
+            *edges, shown.T, cmap=scheme.maps[measure.scale], rasterized=True, **how
+        )
         unit = data[name].attrs.get("units", "1")
         unit = "dimensionless" if unit == "1" else f"[{unit}]"
         # an inset is as high as the panel, whatever its aspect
-        beside = ax.inset_axes(_bar_place(ax, data, first, second))
+        beside = ax.inset_axes(_bar_place(ax, data, first, second, small=small))
         bar = ax.figure.colorbar(mesh, cax=beside, extend=open_end)
-        bar.set_label(f"{measure.label} ({unit})", fontsize=8)
+        about = f"{measure.label}" if unit in measure.label else f"{measure.label} ({unit})"
+        bar.set_label("\n".join(textwrap.wrap(about, 48)), fontsize=8)
         bar.ax.tick_params(labelsize=8)
         ax.set_title(name.replace("_", " "), fontsize=10)
     for found in sets:
-        draw_set(ax, found, [found.over.index(n) for n in (first, second)])
-    start = start_of(data)
+        draw_set(ax, found, [found.over.index(n) for n in (first, second)], scheme)
+    start = start_within(data)
     if start is not None:
         place = dict(zip(data["status"].dims, start[1], strict=True))
         mark_start(ax, place[first], place[second])
-    _frame(ax, data, first, second)
+    _frame(ax, data, first, second, degrees=not small)
 
 
-def draw_set(ax: Axes, found: DrawableSet, columns: Sequence[int]) -> None:
-    """Draw the polylines and points of a set; ``columns`` of its coordinates go to the axes."""
+def draw_set(
+    ax: Axes, found: DrawableSet, columns: Sequence[int], scheme: Scheme = COLOURED
+) -> None:
+    """Draw the polylines and points of a set; ``columns`` of its coordinates go to the axes.
+
+    What the branch reaches is drawn with a white seam, the rest thin and without.
+    """
     from matplotlib.collections import LineCollection
 
-    colour = COLOURS[found.kind]
-    shape = "D" if found.kind == "combined" else "o"
+    colour, dashes, shape = scheme.kinds[found.kind], DASHES[found.kind], MARKERS[found.kind]
     lines: dict[bool, list[np.ndarray]] = {True: [], False: []}
     for line, on_branch in polylines(found):
         at = found.coordinates[line][:, columns]
@@ -89,12 +115,17 @@ def draw_set(ax: Axes, found: DrawableSet, columns: Sequence[int]) -> None:
         LineCollection(lines[True], colors="white", linewidths=3.6, alpha=0.8, zorder=2.8)
     )
     ax.add_collection(
-        LineCollection(lines[True], colors=colour, linewidths=2.0, capstyle="round", zorder=3)
+        LineCollection(
+            lines[True],
+            colors=colour,
+            linewidths=2.0,
+            linestyles=[dashes],
+            zorder=3,
+            capstyle="butt" if found.kind != "direct" else "round",
+        )
     )
     ax.add_collection(
-        LineCollection(
-            lines[False], colors=colour, linewidths=1.0, linestyles=[(0, (4, 2))], zorder=2.5
-        )
+        LineCollection(lines[False], colors=colour, linewidths=0.8, linestyles=[dashes], zorder=2.5)
     )
 
 
@@ -134,28 +165,35 @@ def _fill(
 
 
 def _draw_blanks(
-    ax: Axes,
-    x: np.ndarray,
-    y: np.ndarray,
-    edges: tuple[np.ndarray, np.ndarray],
-    data: xr.Dataset,
+    ax: Axes, edges: tuple[np.ndarray, np.ndarray], data: xr.Dataset, scheme: Scheme
 ) -> None:
     status = data["status"].to_numpy()
     for name, code in statuses_of(data).items():
         where = status == code
         if name not in BLANKS or not where.any():
             continue
-        _fill(ax, edges, np.where(where, 1.0, np.nan), BLANKS[name].colour, alpha=1.0)
-        hatched = ax.contourf(
-            x, y, where.T.astype(float), levels=[0.5, 1.5], colors="none",
-            hatches=[BLANKS[name].hatch],
-        )  # fmt: skip
-        hatched.set_edgecolor("#999999")
-        hatched.set_linewidth(0.0)
+        _fill(ax, edges, np.where(where, 1.0, np.nan), blank_colour(name, scheme), alpha=1.0)
+        _hatch(ax, edges, where, BLANKS[name].hatch)
+
+
+def _hatch(ax: Axes, edges: tuple[np.ndarray, np.ndarray], where: np.ndarray, pattern: str) -> None:
+    """Hatch the cells that hold, all of each: one path round every run of cells in a column."""
+    from matplotlib.collections import PolyCollection
+
+    x, y = edges
+    boxes = []
+    for i, column in enumerate(where):
+        change = np.flatnonzero(np.diff(np.concatenate([[0], column, [0]]).astype(int)))
+        for begin, end in change.reshape(-1, 2):
+            low, high = y[begin], y[end]
+            boxes.append([(x[i], low), (x[i + 1], low), (x[i + 1], high), (x[i], high)])
+    hatched = PolyCollection(boxes, facecolors="none", edgecolors="#999999", linewidths=0.0)
+    hatched.set_hatch(pattern)
+    ax.add_collection(hatched, autolim=False)
 
 
 def _bar_place(
-    ax: Axes, data: xr.Dataset, first: str, second: str
+    ax: Axes, data: xr.Dataset, first: str, second: str, *, small: bool
 ) -> tuple[float, float, float, float]:
     """Left, bottom, width, height of the colour bar in panels: beyond a scale in degrees.
 
@@ -164,7 +202,7 @@ def _bar_place(
     if ax.name == "polar":
         return 1.14, 0.0, 0.04, 1.0
     width = min(1.0, _proportion(data, first, second) or 1.0)
-    gap = 0.12 if data[second].attrs.get("units") == "rad" else 0.03
+    gap = 0.12 if data[second].attrs.get("units") == "rad" and not small else 0.03
     return 1.0 + gap / width, 0.0, 0.04 / width, 1.0
 
 
@@ -176,7 +214,7 @@ def _proportion(data: xr.Dataset, first: str, second: str) -> float | None:
     return ratio if alike and 1.0 / MOST_UNEQUAL <= ratio <= MOST_UNEQUAL else None
 
 
-def _frame(ax: Axes, data: xr.Dataset, first: str, second: str) -> None:
+def _frame(ax: Axes, data: xr.Dataset, first: str, second: str, *, degrees: bool) -> None:
     x, y = data[first].to_numpy(), data[second].to_numpy()
     if ax.name == "polar":
         _frame_polar(ax, x, y)
@@ -188,7 +226,8 @@ def _frame(ax: Axes, data: xr.Dataset, first: str, second: str) -> None:
         ylim=(y[0], y[-1]),
     )
     ax.set_aspect("auto" if _proportion(data, first, second) is None else "equal")
-    turns = [data[name].attrs.get("units") == "rad" for name in (first, second)]
+    calm_ticks(ax)
+    turns = [degrees and data[name].attrs.get("units") == "rad" for name in (first, second)]
     add_degrees(ax, x=turns[0], y=turns[1])
 
 

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from closedchain.analysis.forces.input_efforts import PIVOT, effort_code
 from closedchain.analysis.velocity import velocity
+from closedchain.closure.given import real_array
 from closedchain.closure.mechanism import Mechanism, finite_vector
 from closedchain.urdf.errors import ClosureError
 
@@ -31,6 +32,15 @@ class Ellipsoid:
         Directions in the world, one a column, the longest first.
     radii : (3,) array
         Half lengths; infinite where nothing bounds.
+
+    Examples
+    --------
+    >>> m = cc.load("linear_delta")
+    >>> push = cc.capabilities(m, m.home).force
+    >>> print(np.abs(push.axes[:, 0]).round(3))  # the platform pushes hardest along z
+    [0. 0. 1.]
+    >>> print(push.radii.round(3))  # [N] by efforts with sum of squares 1
+    [1.732 0.535 0.535]
     """
 
     axes: np.ndarray
@@ -119,7 +129,7 @@ def compliance(mechanism: Mechanism, q: ArrayLike, stiffness: ArrayLike) -> np.n
      [ 0.   35.    0.  ]
      [ 0.    0.    3.33]]
     """
-    k = _stiffness(mechanism, stiffness)
+    k = drive_stiffness(mechanism, stiffness)
     t = _twist_map(mechanism, q)
     return np.asarray((t / k) @ t.T)
 
@@ -153,7 +163,7 @@ def stiffness(mechanism: Mechanism, q: ArrayLike, drives: ArrayLike) -> np.ndarr
     >>> bool(np.allclose(K @ C[:3, :3], np.eye(3)))
     True
     """
-    k = _stiffness(mechanism, drives)
+    k = drive_stiffness(mechanism, drives)
     t = velocity(mechanism, q).twist_map
     if t is None:
         raise ClosureError("the inputs do not determine the tip there (a direct singularity)")
@@ -199,76 +209,17 @@ def twist_maps(mechanism: Mechanism, postures: ArrayLike) -> np.ndarray:
     return found
 
 
-def effort_per_force(mechanism: Mechanism, postures: np.ndarray) -> np.ndarray:
-    """Largest input effort for unit force at the tip, any direction.
-
-    Examples
-    --------
-    >>> m = cc.load("linear_delta")
-    >>> print(cc.effort_per_force(m, m.home[None]).round(4))  # [N/N]
-    [1.5635]
-    """
-    return np.asarray(np.linalg.norm(twist_maps(mechanism, postures)[:, :3], axis=1).max(axis=1))
-
-
-def effort_per_moment(mechanism: Mechanism, postures: np.ndarray) -> np.ndarray:
-    """Largest input effort for unit moment at the tip, any direction.
-
-    Examples
-    --------
-    >>> m = cc.load("d1")
-    >>> inputs = m.input_values(m.home) + [0.02, -0.01, 0, 0.02, 0.01, -0.02]
-    >>> q = cc.direct(m, inputs).raise_if_failed().q
-    >>> bool(cc.effort_per_moment(m, q[None])[0] > 0.0)  # [N/(N m)]
-    True
-    """
-    return np.asarray(np.linalg.norm(twist_maps(mechanism, postures)[:, 3:], axis=1).max(axis=1))
-
-
-@dataclass(frozen=True)
-class TipCompliance:
-    """Largest displacement of the tip's origin for unit force, any direction."""
-
-    drives: tuple[float, ...]
-    __name__ = "largest_compliance"
-
-    def __call__(self, mechanism: Mechanism, postures: np.ndarray) -> np.ndarray:
-        """Values (n,) [m/N], infinite at direct singularities."""
-        k = _stiffness(mechanism, self.drives)
-        t = twist_maps(mechanism, postures)[:, :3] / np.sqrt(k)
-        found = np.full(len(t), np.inf)
-        there = np.isfinite(t).all(axis=(1, 2))
-        found[there] = np.linalg.norm(t[there], 2, axis=(1, 2)) ** 2
-        return found
-
-
-def largest_compliance(drives: ArrayLike) -> TipCompliance:
-    """Measure for maps: how far the tip's origin gives way to unit force, in the worst direction.
-
-    Parameters
-    ----------
-    drives : (n_inputs,) array
-        Stiffness of each input [N/m or N m/rad].
-
-    Examples
-    --------
-    >>> m = cc.load("linear_delta")
-    >>> gives = cc.largest_compliance([1e5, 1e5, 1e5])  # a measure for cc.singularity_map
-    >>> print((gives(m, m.home[None]) * 1e6).round(2))  # [um/N]
-    [35.]
-    """
-    return TipCompliance(tuple(np.array(drives, dtype=float).ravel().tolist()))
-
-
 def _twist_map(mechanism: Mechanism, q: ArrayLike) -> np.ndarray:
+    mechanism.required_inputs()
     found = velocity(mechanism, q, ALL).twist_map
     if found is None:
         raise ClosureError("the inputs do not determine the tip there (a direct singularity)")
     return found
 
 
-def _stiffness(mechanism: Mechanism, values: ArrayLike) -> np.ndarray:
-    k = np.array(values, dtype=float)
+def drive_stiffness(mechanism: Mechanism, values: ArrayLike) -> np.ndarray:
+    """Check the stiffness of each input (n_inputs,). Raises ``ClosureError``."""
+    k = real_array(values, "stiffness")
     names = " ".join(mechanism.inputs)
     if k.shape == (len(mechanism.inputs),) and (k > 0.0).all():
         return k

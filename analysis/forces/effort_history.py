@@ -11,8 +11,10 @@ from numpy.typing import ArrayLike
 
 from closedchain.analysis.forces.inverse_dynamics import InverseDynamics, inverse_dynamics
 from closedchain.analysis.forces.loads import Gravity, Wrenches
+from closedchain.closure.given import real_array
 from closedchain.closure.mechanism import Mechanism
 from closedchain.urdf.errors import ClosureError
+from closedchain.urdf.extras import require
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -61,6 +63,7 @@ class EffortHistory:
 
     def to_dataset(self) -> xr.Dataset:
         """As an xarray Dataset over ``time``."""
+        require("a dataset is made with xarray", "maps")
         import xarray as xr
 
         m = self.mechanism
@@ -124,7 +127,7 @@ def efforts_along(
     >>> bool(np.allclose(rest.powers, 0.0))  # nothing moves, no power is needed
     True
     """
-    t = np.array(times, dtype=float)
+    t = real_array(times, "times")
     postures = np.atleast_2d(mechanism.configurations(q))
     if t.shape != (len(postures),) or not np.isfinite(t).all() or (np.diff(t) <= 0.0).any():
         raise ClosureError(f"times must be {len(postures)} rising numbers, one for each posture")
@@ -155,7 +158,7 @@ def _derivatives(
     if (v is None) != (a is None):
         raise ClosureError("give velocities and accelerations, or neither")
     if v is not None and a is not None:
-        both = [np.array(x, dtype=float) for x in (v, a)]
+        both = [real_array(x, "velocities and accelerations") for x in (v, a)]
         for x in both:
             if x.shape != (len(t), mechanism.model.nv) or not np.isfinite(x).all():
                 raise ClosureError(

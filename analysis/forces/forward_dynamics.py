@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from closedchain.analysis.forces.loads import Gravity, Wrenches
+from closedchain.analysis.forces.loads import LARGEST_LOAD, Gravity, Wrenches
 from closedchain.analysis.forces.plant import plant_under
 from closedchain.closure.mechanism import Mechanism
 
@@ -48,6 +48,8 @@ def forward_dynamics(
 ) -> ForwardDynamics:
     """Accelerations that input efforts and loads make.
 
+    Dry friction is F tanh(v / 0.001), so that it is nothing at rest.
+
     Parameters
     ----------
     q : (nq,) array
@@ -58,8 +60,6 @@ def forward_dynamics(
         At the driven joints [N or N m]; none by default. A motor's effort times its reduction.
     wrench, gravity, payload
         As for ``statics``.
-
-    Dry friction is F tanh(v / 0.001), so that it is nothing at rest.
 
     Raises
     ------
@@ -79,6 +79,6 @@ def forward_dynamics(
     q, v = plant.state(q, v)
     tau = np.zeros(len(mechanism.inputs))
     if efforts is not None:
-        tau = mechanism.input_vector(efforts, "efforts")
+        tau = mechanism.input_vector(efforts, "efforts", LARGEST_LOAD)
     a = plant.acceleration(q, v, tau)
     return ForwardDynamics(a, a[mechanism.input_v])

@@ -20,6 +20,9 @@ from closedchain.urdf.errors import ClosureError
 GRAVITY = (0.0, 0.0, -9.81)
 """Acceleration of free fall [m/s^2] where none is given, along the world's axes."""
 
+LARGEST_LOAD = 1e12
+"""Largest size of a load or an effort [N, N m, kg]."""
+
 Wrenches = ArrayLike | Mapping[str, ArrayLike]
 Gravity = bool | ArrayLike
 _WEIGHTLESS = "forces.weightless"
@@ -81,7 +84,11 @@ def loads(
     checked = {}
     for frame, numbers in named.items():
         mechanism.frame_id(frame)
-        checked[frame] = finite_vector(numbers, 6, f"wrench at {frame}", "force, moment")
+        checked[frame] = finite_vector(
+            numbers, 6, f"wrench at {frame}", "force, moment", LARGEST_LOAD
+        )
+    if payload is not None and not isinstance(payload, Mapping):
+        raise ClosureError(f"payload must be masses by frame, {{'tool': 2.0}}, got {payload!r}")
     return Loads(fall, checked, _loaded(mechanism, payload or {}))
 
 
@@ -94,7 +101,7 @@ def _loaded(mechanism: Mechanism, payload: Mapping[str, float]) -> pin.Model:
     model.gravity = pin.Motion.Zero()
     for frame, mass in payload.items():
         f = mechanism.model.frames[mechanism.frame_id(frame)]
-        (value,) = finite_vector(mass, 1, f"payload at {frame}", "kg")
+        (value,) = finite_vector(mass, 1, f"payload at {frame}", "kg", LARGEST_LOAD)
         if value < 0.0:
             raise ClosureError(f"payload at {frame}: a mass of {value:g} kg is below zero")
         if f.parentJoint:

@@ -19,6 +19,7 @@ from closedchain.analysis.forces.drivetrain import drivetrain
 from closedchain.analysis.forces.motor_limits import TOGGLE, effort_limits, speed_limits, toggle
 from closedchain.analysis.forces.pinned_motion import PinnedMotion
 from closedchain.closure.generic import dimensionless_jacobian
+from closedchain.closure.given import number_table, real_array
 from closedchain.closure.mechanism import Mechanism
 from closedchain.closure.solution import Solutions
 from closedchain.urdf.description import Input
@@ -84,7 +85,7 @@ class Transmission:
 
     def solutions(self, joint_positions: ArrayLike) -> Solutions:
         """Postures for joint positions (n, k), those that are out of reach told apart."""
-        return self._solved(self._forth, _table(joint_positions, self.joint_names))
+        return self._solved(self._forth, number_table(joint_positions, self.joint_names))
 
     def motors(self, joint_positions: ArrayLike) -> np.ndarray:
         """Motor positions (m,) or (n, m) for joint positions (k,) or (n, k).
@@ -103,7 +104,7 @@ class Transmission:
     def _answered(
         self, way: PinnedMotion, values: ArrayLike, names: Sequence[str], wanted: tuple[int, ...]
     ) -> np.ndarray:
-        table = _table(values, names)
+        table = number_table(values, names)
         found = self._reached(way, table, names)[:, self._q_of(wanted)]
         return np.asarray(found[0] if np.ndim(values) < 2 else found)
 
@@ -177,7 +178,7 @@ class Transmission:
         ClosureError
             As ``motors``; or a position where the joints do not determine the motors' rates.
         """
-        table = _table(joint_positions, self.joint_names)
+        table = number_table(joint_positions, self.joint_names)
         rates, good = self.rates(self._reached(self._forth, table, self.joint_names))
         if not good.all():
             first = table[int(np.flatnonzero(~good)[0])]
@@ -194,7 +195,7 @@ class Transmission:
         """Second derivatives of the motor positions by those of the joints, (m, k, k), at one."""
         j = self.jacobian(_one(joint_positions, self.joint_names))
         (q,) = self._reached(
-            self._forth, _table(joint_positions, self.joint_names), self.joint_names
+            self._forth, number_table(joint_positions, self.joint_names), self.joint_names
         )
         bend = _Bend(self, q)
         k = len(self.joint_names)
@@ -245,7 +246,7 @@ class Transmission:
         limits : (m,) or (2, m) array
             Largest motor efforts [N, N m]; or the least and the largest.
         """
-        return np.einsum("...mk,cm->...ck", self.jacobian(joint_positions), self._corners(limits))
+        return np.einsum("...mk,cm->...ck", self.jacobian(joint_positions), self.corners(limits))
 
     def effort_limits(self, joint_positions: ArrayLike, limits: ArrayLike) -> np.ndarray:
         """Least and largest effort of each joint with the others at zero, (2, k) or (n, 2, k).
@@ -269,8 +270,7 @@ class Transmission:
 
         ``limits`` (m,) are the motors' [m/s, rad/s].
         """
-        speeds = _one(limits, self.motor_names)
-        return speed_limits(self.jacobian(joint_positions), speeds)
+        return speed_limits(self.jacobian(joint_positions), self.top_speeds(limits))
 
     def reflected_inertia(
         self, joint_positions: ArrayLike, inertias: ArrayLike | None = None
@@ -281,6 +281,8 @@ class Transmission:
         squared); by default what the description says.
         """
         own = self.rotor_inertias if inertias is None else _one(inertias, self.motor_names)
+        if (own < 0.0).any():
+            raise ClosureError(f"inertias must not be negative, got {own}")
         j = self.jacobian(joint_positions)
         return np.einsum("...mi,m,...mj->...ij", j, own, j)
 
@@ -303,9 +305,16 @@ class Transmission:
         scale = self.mechanism.column_scale
         return np.asarray(scale[list(self._motor_v), None] / scale[None, list(self._joint_v)])
 
+    def top_speeds(self, limits: ArrayLike) -> np.ndarray:
+        """Largest speeds (m,) of the motors, checked."""
+        found = _one(limits, self.motor_names)
+        if (found < 0.0).any():
+            raise ClosureError(f"largest speeds must not be negative, got {found}")
+        return found
+
     def low_high(self, limits: ArrayLike) -> np.ndarray:
         """Limits (2, m) of the motors, the least first, from (m,) or (2, m); checked."""
-        found = np.array(limits, dtype=float)
+        found = real_array(limits, "limits")
         m = len(self.motor_names)
         if found.shape == (m,):
             found = np.array([-found, found])
@@ -313,7 +322,8 @@ class Transmission:
             raise ClosureError(f"limits must be ({m},) or (2, {m}) numbers, the least first")
         return found
 
-    def _corners(self, limits: ArrayLike) -> np.ndarray:
+    def corners(self, limits: ArrayLike) -> np.ndarray:
+        """Motor efforts (2^m, m) with each at one of its limits, (m,) or (2, m)."""
         return np.array(list(product(*self.low_high(limits).T)))
 
     @cached_property
@@ -362,22 +372,8 @@ def joint_column(mechanism: Mechanism, name: str) -> int:
     return int(model.idx_vs[model.getJointId(name)])
 
 
-def _table(values: ArrayLike, names: Sequence[str]) -> np.ndarray:
-    """Positions (n, k), finite, of one (k,) or many (n, k)."""
-    found = np.array(values, dtype=float)
-    if found.ndim == 0 and len(names) == 1:
-        found = found.reshape(1)
-    found = np.atleast_2d(found)
-    if found.ndim != 2 or found.shape[1] != len(names) or not np.isfinite(found).all():
-        raise ClosureError(
-            f"expected finite numbers ({len(names)},) or (n, {len(names)}) for {' '.join(names)}, "
-            f"got an array {np.shape(values)}"
-        )
-    return found
-
-
 def _one(values: ArrayLike, names: Sequence[str]) -> np.ndarray:
-    found = _table(values, names)
+    found = number_table(values, names)
     if len(found) != 1:
         raise ClosureError(f"expected {len(names)} numbers for {' '.join(names)}")
     return np.asarray(found[0])

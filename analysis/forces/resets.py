@@ -20,6 +20,7 @@ from closedchain.analysis.forces.random_motions import random_motions
 from closedchain.closure.chart import Chart, joint_index, joint_names
 from closedchain.closure.charting import chart_of
 from closedchain.closure.generic import dimensionless_jacobian
+from closedchain.closure.given import one_number, range_of, whole_number
 from closedchain.closure.mechanism import Mechanism
 from closedchain.closure.ranks import null_space, numerical_rank
 from closedchain.closure.solve.control import CLOSED
@@ -27,6 +28,7 @@ from closedchain.closure.solve.outcome import Ending
 from closedchain.closure.solve.path import follower_of
 from closedchain.closure.solve.samples import closed_samples
 from closedchain.urdf.errors import ClosureError
+from closedchain.urdf.extras import require
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -93,7 +95,8 @@ class Resets:
         """Positions and velocities in the order and conventions of MuJoCo: qpos and qvel.
 
         A floating body has its position and quaternion w x y z in the world, the velocity of its
-        origin along the world's axes, and its angular velocity along its own.
+        origin along the world's axes, and its angular velocity along its own; a ball its
+        quaternion and angular velocity.
 
         Parameters
         ----------
@@ -109,6 +112,7 @@ class Resets:
 
     def to_dataset(self) -> xr.Dataset:
         """States as an xarray Dataset over ``state``, with the names of all columns."""
+        require("a dataset is made with xarray", "maps")
         import xarray as xr
 
         m = self.mechanism
@@ -172,10 +176,11 @@ def resets(
     >>> bool(np.abs(r.values[:, :2]).max() <= 0.05), r.residual < 1e-12
     (True, True)
     """
-    if not isinstance(n, int | np.integer) or n < 1:
-        raise ClosureError(f"n must be a whole number from 1 on, got {n!r}")
-    if not (np.isfinite(speed) and speed >= 0.0):
-        raise ClosureError(f"speed must not be negative, got {speed}")
+    n, seed = whole_number(n, "n", 1), whole_number(seed, "seed", 0)
+    speed = one_number(speed, "speed", itself=True)
+    workers = None if workers is None else whole_number(workers, "workers", 1)
+    if over is not None and not isinstance(over, Mapping):
+        raise ClosureError(f"over must be ranges by coordinate, {{'q1': (0, 1)}}, got {over!r}")
     names = independent_joints(mechanism) if over is None else tuple(over)
     if not names:
         raise ClosureError("no coordinate to draw: no joint of one freedom moves, give over={...}")
@@ -339,8 +344,6 @@ def _ranges(chart: Chart, over: Mapping[str, tuple[float, float] | None]) -> np.
             bounds = limits.get(name, (-np.inf, np.inf))
             low, high = np.clip([value - SPAN * scale, value + SPAN * scale], *bounds)
         else:
-            low, high = asked
-        if not (np.isfinite([low, high]).all() and low <= high):
-            raise ClosureError(f"the range of {name}, {low} to {high}, does not rise")
+            low, high = range_of(asked, name)
         found.append((low, high))
     return np.array(found).T

@@ -11,13 +11,15 @@ from numpy.typing import ArrayLike
 
 from closedchain.analysis.forces.arranging import column_names
 from closedchain.analysis.forces.integrating import Efforts, State, Stepper
-from closedchain.analysis.forces.loads import Gravity, Wrenches
+from closedchain.analysis.forces.loads import LARGEST_LOAD, Gravity, Wrenches
 from closedchain.analysis.forces.orientation import Signs, signs
 from closedchain.analysis.forces.plant import plant_under
+from closedchain.closure.given import one_number
 from closedchain.closure.mechanism import Mechanism
 from closedchain.closure.nearest import beyond_limits
 from closedchain.closure.solve.outcome import Ending
 from closedchain.urdf.errors import ClosureError
+from closedchain.urdf.extras import require
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -27,11 +29,21 @@ NEAR = 1e-5  # share of the largest singular value of K that the least has at a 
 MOST = 200_000  # steps
 SAMPLES = 101
 HALVINGS = 60
+TOGETHER = 1e-9  # metres or radians by which joints may miss their limits that meet them at once
 
 
 @dataclass(frozen=True)
 class Event:
-    """Something that happened: when [s], its kind and a sentence."""
+    """Something that happened: when [s], its kind and a sentence.
+
+    Examples
+    --------
+    >>> m = cc.with_inertias(cc.load("linear_delta"))
+    >>> push = np.full(3, 2e4)  # [N], upwards, until the sliders meet their ends
+    >>> r = cc.simulate(m, m.home, None, push, until=2.0)
+    >>> r.events[-1].kind, 0.0 < r.events[-1].t < 2.0
+    ('limit', True)
+    """
 
     t: float
     kind: str
@@ -88,6 +100,7 @@ class Simulation:
 
     def to_dataset(self) -> xr.Dataset:
         """The motion as an xarray Dataset over ``time``, with the names of all columns."""
+        require("a dataset is made with xarray", "maps")
         import xarray as xr
 
         m = self.mechanism
@@ -159,11 +172,9 @@ def simulate(
     """
     plant = plant_under(mechanism, wrench, gravity, payload)
     start = State(0.0, *plant.state(q, v), 0.0)
-    for value, what in ((until, "until"), (accuracy, "accuracy")):
-        if not (np.isfinite(value) and value > 0.0):
-            raise ClosureError(f"{what} must be above zero, got {value}")
-    gap = until / (SAMPLES - 1) if every is None else float(every)
-    if not (np.isfinite(gap) and 0.0 < gap <= until):
+    until, accuracy = one_number(until, "until"), one_number(accuracy, "accuracy")
+    gap = until / (SAMPLES - 1) if every is None else one_number(every, "every")
+    if gap > until:
         raise ClosureError(f"every must be above zero and at most {until:g} s, got {gap}")
     stepper = Stepper(plant, _efforts(mechanism, efforts))
     plant.acceleration(start.q, start.v, stepper.efforts(0.0, start.q, start.v))
@@ -178,8 +189,10 @@ def _efforts(
 ) -> Efforts:
     if callable(efforts):
         given = efforts
-        return lambda t, q, v: m.input_vector(given(t, q, v), f"efforts at {t:.6g} s")
-    tau = np.zeros(len(m.inputs)) if efforts is None else m.input_vector(efforts, "efforts")
+        return lambda t, q, v: m.input_vector(given(t, q, v), f"efforts at {t:.6g} s", LARGEST_LOAD)
+    tau = np.zeros(len(m.inputs))
+    if efforts is not None:
+        tau = m.input_vector(efforts, "efforts", LARGEST_LOAD)
     return lambda t, q, v: tau
 
 
@@ -262,11 +275,21 @@ class _Run:
                 break
             tried, _ = self.stepper.step(before, middle)
             here = beyond_limits(m, tried.q)
-            names = here or names
             inside, low, high = (inside, low, middle) if here else (tried, middle, high)
+        names = self._at_their_limits(inside.q, names)
         text = f"a joint meets its limit: {', '.join(names)}, at {inside.t:.6g} s"
         self.events.append(Event(inside.t, "limit", text))
         return inside, text
+
+    def _at_their_limits(self, q: np.ndarray, names: tuple[str, ...]) -> tuple[str, ...]:
+        """Which of the joints that a step takes beyond their limits are there, in their order."""
+        model, (lower, upper) = (
+            self.stepper.plant.mechanism.model,
+            self.stepper.plant.mechanism.limits,
+        )
+        at = {name: model.idx_qs[model.getJointId(name)] for name in names}
+        gaps = {n: min(abs(q[i] - lower[i]), abs(q[i] - upper[i])) for n, i in at.items()}
+        return tuple(n for n, gap in gaps.items() if gap <= min(gaps.values()) + TOGETHER)
 
     def _look_for_singularities(self, before: State, after: State) -> State | None:
         """Note singularities in a step: determinants of steady orientation that change sign.

@@ -208,7 +208,7 @@ def held(
         free_motions=whole.free_motions,
         free_twists=_twists(m, at.q, whole.free_motions),
         uncarried=guilty,
-        text=_text(m, whole, guilty, open_names),
+        text=_text(m, whole, guilty, open_names) + _weightless(on),
     )
 
 
@@ -279,6 +279,13 @@ def _text(
         forces = "internal force is" if k == 1 else "internal forces are"
         said.append(f"{k} {forces} possible: rigid bodies do not determine {_listed(undetermined)}")
     return "; ".join(said) if said else "all forces are determined"
+
+
+def _weightless(on: Loads) -> str:
+    """What is said where weights were asked for and nothing has a mass."""
+    if not on.gravity.any() or any(inertia.mass for inertia in on.model.inertias):
+        return ""
+    return "; no link that moves has a mass, so that weights are none (cc.with_inertias)"
 
 
 def _listed(undetermined: Mapping[str, tuple[str, ...]]) -> str:

@@ -42,7 +42,7 @@ def transmission(
      [0.   1.74 0.  ]
      [0.   0.   1.74]]
     """
-    if isinstance(joints, str) or not joints:
+    if isinstance(joints, str) or not isinstance(joints, Sequence) or not joints:
         raise ClosureError("joints must be a list of joint names, at least one")
     columns = [joint_column(mechanism, name) for name in joints]
     if len(set(columns)) < len(columns):
@@ -57,10 +57,10 @@ def transmission(
     if motors is None:
         chosen = _motors_of(mechanism, motions, columns)
     else:
-        for name in motors:
+        for name in [motors] if isinstance(motors, str) else motors:
             if name not in mechanism.inputs:
                 raise ClosureError(known_names(name, "input", mechanism.inputs))
-        chosen = tuple(motors)
+        chosen = (motors,) if isinstance(motors, str) else tuple(motors)
     rows = [int(mechanism.input_v[mechanism.inputs.index(name)]) for name in chosen]
     still = motions @ null_space(free)[0]
     loose = [

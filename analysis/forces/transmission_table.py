@@ -9,7 +9,9 @@ import numpy as np
 
 from closedchain.analysis.forces.motor_limits import TOGGLE, effort_limits, speed_limits, toggle
 from closedchain.analysis.forces.motor_map import Transmission
+from closedchain.closure.given import range_of, whole_number
 from closedchain.urdf.errors import ClosureError, known_names
+from closedchain.urdf.extras import require
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -46,8 +48,8 @@ def transmission_table(
         Over the joints by name: ``reached``, ``within`` (motors within their limits), ``motor``,
         ``jacobian``, ``toggle``, ``reflected_inertia``; with as many motors as joints
         ``same_side`` (det J has the sign it has at home, else a toggle lies between); with limits
-        given ``effort_limits`` and ``speed_limits``. What does not exist at a position is missing
-        there (NaN).
+        given ``effort_limits`` and ``effort_corners``, ``speed_limits``. What does not exist at a
+        position is missing there (NaN).
 
     Raises
     ------
@@ -63,6 +65,7 @@ def transmission_table(
     >>> table["motor"].dims, bool(table["reached"].any())
     (('leg1_R', 'leg2_R', 'leg3_R', 'motors'), True)
     """
+    require("a table is an xarray dataset", "maps")
     import xarray as xr
 
     axes = _axes(of, ranges or {}, points)
@@ -116,9 +119,11 @@ def _add_measures(
         found = np.full((len(rates), 2, k), np.nan)
         found[regular] = effort_limits(rates[regular], of.low_high(efforts))
         data["effort_limits"] = ((*over, "side", "joints"), found.reshape(*shape, 2, k))
+        corners = np.einsum("nmk,cm->nck", rates, of.corners(efforts))
+        data["effort_corners"] = ((*over, "corner", "joints"), corners.reshape(*shape, -1, k))
     if speeds is not None:
         slow = np.full((len(rates), k), np.nan)
-        slow[regular] = speed_limits(rates[regular], np.asarray(speeds, dtype=float))
+        slow[regular] = speed_limits(rates[regular], of.top_speeds(speeds))
         data["speed_limits"] = ((*over, "joints"), slow.reshape(*shape, k))
 
 
@@ -155,13 +160,15 @@ def _axes(
         if name not in of.joint_names:
             raise ClosureError(known_names(name, "joint", of.joint_names))
     standard = POINTS.get(len(of.joint_names), 15)
-    every = standard if points is None or isinstance(points, Mapping) else int(points)
+    given = points is None or isinstance(points, Mapping)
+    every = standard if given else whole_number(points, "points", 1)
     axes = {}
     for name, (low, high) in of.joint_ranges(SPAN).items():
-        low, high = ranges.get(name, (low, high))
-        if not (np.isfinite([low, high]).all() and low < high):
+        low, high = range_of(ranges.get(name, (low, high)), name)
+        if not low < high:
             raise ClosureError(f"the range of {name}, {low:g} to {high:g}, does not rise")
-        axes[name] = np.linspace(low, high, counts.get(name, every))
+        count = whole_number(counts.get(name, every), f"points along {name}", 1)
+        axes[name] = np.linspace(low, high, count)
     if (size := int(np.prod([axis.size for axis in axes.values()]))) > MOST or size == 0:
         raise ClosureError(f"a table of {size} positions; between 1 and {MOST} are possible")
     return axes

@@ -62,6 +62,13 @@ class Circuits:
         Of N's other columns.
     couplings : tuple of CoupledRates
         In the order of N's last rows.
+
+    Examples
+    --------
+    >>> m = cc.load("linear_delta")
+    >>> c = cc.accelerators(m, m.home, [0.1, 0.0, 0.0], [0.0, 0.0, 0.0]).circuits
+    >>> c.N.shape[1] == sum(pair.freedoms for pair in c.graph.pairs)
+    True
     """
 
     mechanism: Mechanism

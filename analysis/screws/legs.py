@@ -62,6 +62,13 @@ class Leg:
         the mechanism's characteristic length.
     rank : Rank
         Of the leg's screws.
+
+    Examples
+    --------
+    >>> m = cc.load("linear_delta")
+    >>> leg = cc.leg_velocity(m, m.home).legs[0]
+    >>> leg.start, leg.end, leg.inputs
+    ('base', 'platform', ('q1',))
     """
 
     start: str

@@ -46,7 +46,15 @@ _CONSISTENT = 1e-9  # dimensionless rate by which given primary rates may miss t
 
 @dataclass(frozen=True)
 class Circuit:
-    """A circuit as a walk over pairs: sign +1 where a pair is passed from parent to child."""
+    """A circuit as a walk over pairs: sign +1 where a pair is passed from parent to child.
+
+    Examples
+    --------
+    >>> m = cc.load("rpa3t")
+    >>> net = cc.network(m, m.home)
+    >>> len(net.circuits), net.matrix.shape[0] == 6 * len(net.circuits)
+    (4, True)
+    """
 
     pairs: tuple[str, ...]
     signs: tuple[int, ...]

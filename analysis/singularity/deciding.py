@@ -17,7 +17,6 @@ import numpy as np
 from closedchain.analysis.first_order import FirstOrder
 from closedchain.analysis.singularity.distance import Nearest, Place, nearest_singular
 from closedchain.analysis.singularity.rank_loss import (
-    ROUNDING,
     ClosedMotions,
     Ranks,
     closed_motions,
@@ -31,20 +30,8 @@ from closedchain.analysis.singularity.sets.bordered import Measure
 from closedchain.analysis.structure.mobility import generic_rank
 from closedchain.closure.generic import GenericRanks, generic_ranks
 from closedchain.closure.joint_rates import physical_rates
+from closedchain.closure.nearness import FARTHEST, MOST, NEAR, ROUNDING, SAME, UNFOUND
 from closedchain.closure.ranks import Factors, Rank, decomposed, rank_of_singular_values
-
-NEAR = 1e-5
-"""Share of its scale above which a singular value counts without a distance."""
-
-UNFOUND = 1e-8
-"""Share below which one is zero where no distance can be had: where Newton's method finds no
-singular posture, too many ranks are lost, or K nearly loses one and closed motions are blurred."""
-
-FARTHEST = 1e-2  # share that the accuracy of a posture may raise ``NEAR`` to
-MOST = 64
-"""Equations of a loss of ranks beyond which it is not sought, but decided by ``UNFOUND``."""
-
-SAME = 1e-9  # of one: squared cosine of motions that are one
 
 
 @dataclass(frozen=True)

@@ -27,19 +27,18 @@ from closedchain.analysis.singularity.sets.bordered import Measure
 from closedchain.analysis.structure.mobility import generic_rank
 from closedchain.closure.joint_rates import physical_rates
 from closedchain.closure.mechanism import Mechanism
+from closedchain.closure.nearness import (
+    CUT,
+    FALLEN,
+    FLOATING,
+    KNOWN,
+    LONGEST,
+    ROOT,
+    ROUNDING,
+    SAFETY,
+    STEPS,
+)
 from closedchain.closure.solve.control import CLOSED
-
-KNOWN = 1e-9
-"""Accuracy [rad, or lengths by ``mechanism.length``] that no posture is taken to exceed."""
-
-ROUNDING = 1e-15  # of dimensionless rows
-SAFETY = 4.0  # times what rows and their rounding alone would allow
-ROOT = 3.0  # times the root of the rounding: the farthest that a fold can be mistaken
-STEPS = 60
-LONGEST = 0.3  # dimensionless
-FLOATING = 1e-6  # weight of motions that no joint rate sees: they follow from the closures
-CUT = 1e-8  # share of singular values of the equations, rows of equal size, that are none
-FALLEN = 1e-3  # share of the first corner that the last may be
 
 
 @dataclass(frozen=True)
@@ -52,6 +51,13 @@ class Nearest:
         In the norm of physical joint rates; infinite where none was found.
     accuracy : float
         To which the posture is known, in the same norm.
+
+    Examples
+    --------
+    >>> m = cc.load("d1")
+    >>> near = cc.classify(m, m.home).nearest["inverse"]
+    >>> near.distance <= near.accuracy  # home is singular
+    True
     """
 
     distance: float

@@ -92,8 +92,11 @@ MEASURES: Mapping[str, Measure] = MappingProxyType({entry.name: entry for entry 
 """Measures by name."""
 
 
-def from_function(function: Function, name: str | None = None, unit: str = "") -> Measure:
-    """Entry for a function of (mechanism, postures (n, nq)) that returns values (n,)."""
+def from_function(function: Function, name: str | None = None) -> Measure:
+    """Entry for a function of (mechanism, postures (n, nq)) that returns values (n,).
+
+    Its unit is its attribute ``unit``, if it has one.
+    """
     called = name or function.__name__
     about = (function.__doc__ or called).strip().splitlines()[0].rstrip(".")
 
@@ -106,7 +109,7 @@ def from_function(function: Function, name: str | None = None, unit: str = "") -
             )
         return values
 
-    return Measure(called, about, unit, evaluate)
+    return Measure(called, about, str(getattr(function, "unit", "")), evaluate)
 
 
 def chosen(measures: Iterable[str | Measure | Function]) -> tuple[Measure, ...]:

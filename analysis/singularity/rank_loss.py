@@ -48,6 +48,7 @@ import numpy as np
 from closedchain.closure.generic import GenericRanks
 from closedchain.closure.joint_rates import orthonormal_motions, physical_rates
 from closedchain.closure.mechanism import Mechanism
+from closedchain.closure.nearness import ROUNDING
 from closedchain.closure.ranks import Rank, rank_above
 
 __all__ = [
@@ -55,9 +56,6 @@ __all__ = [
     "physical_rates", "ranks_of",
     "sigma_direct", "sigma_inverse",
 ]  # fmt: skip
-
-ROUNDING = 1e-15
-"""Share of its scale below which a singular value is zero, whatever the posture."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,7 +23,14 @@ from closedchain.urdf.description import Description, Joint
 
 @dataclass(frozen=True)
 class Body:
-    """Links without motion against each other; named after the one that is drawn in most detail."""
+    """Links without motion against each other; named after the one that is drawn in most detail.
+
+    Examples
+    --------
+    >>> graph = cc.loops(cc.load("rpa3t"))
+    >>> graph.bodies[0].name, "platform" in [body.name for body in graph.bodies]
+    ('base', True)
+    """
 
     name: str
     links: tuple[str, ...]
@@ -49,6 +56,12 @@ class Pair:
     freedoms : int
     inputs : tuple of str
         Inputs that drive it.
+
+    Examples
+    --------
+    >>> pair = cc.loops(cc.load("linear_delta")).pairs[0]
+    >>> pair.name, pair.symbol, pair.freedoms, pair.inputs
+    ('leg1_P', 'P', 1, ('q1',))
     """
 
     name: str
@@ -66,6 +79,13 @@ class Loop:
     """A closed walk over pairs: sign +1 where a pair is passed from its parent to its child.
 
     ``bodies`` are those that the walk sets out from, one for each pair.
+
+    Examples
+    --------
+    >>> graph = cc.loops(cc.load("rpa3t"))
+    >>> loop = graph.loops[0]
+    >>> len(loop.pairs) == len(loop.signs) == len(loop.bodies)
+    True
     """
 
     pairs: tuple[int, ...]

@@ -13,11 +13,17 @@ from numpy.typing import ArrayLike
 from closedchain.analysis.structure.driving import driving
 from closedchain.analysis.structure.hinges import pairs_of_tree, symbol_of
 from closedchain.closure.closures import Coupling
-from closedchain.closure.generic import GenericRank, generic_ranks, sampled_rank
+from closedchain.closure.generic import (
+    GenericRank,
+    dimensionless_jacobian,
+    generic_ranks,
+    sampled_rank,
+    still_joints,
+)
 from closedchain.closure.joint_kinds import BY_SYMBOL, JOINT_KINDS
 from closedchain.closure.mechanism import Mechanism
 from closedchain.closure.modes.dimension import finite_dimensions
-from closedchain.closure.ranks import Rank
+from closedchain.closure.ranks import Rank, numerical_rank
 from closedchain.urdf.description import Description
 from closedchain.urdf.errors import ClosureError
 
@@ -86,7 +92,8 @@ class Mobility:
     def finite_at(self, q: ArrayLike) -> tuple[int, ...]:
         """Dimensions that branches of postures around a closed one (nq,) have, the largest first.
 
-        Raises ``ClosureError`` where the loops are open.
+        Where all closure rows are independent, or nothing moves to the first order, the rank alone
+        tells; elsewhere the set is measured. Raises ``ClosureError`` where the loops are open.
         """
         q = self.mechanism.configuration(q)
         gap = float(np.abs(self.mechanism.workspace.residual(q)).max(initial=0.0))
@@ -94,6 +101,9 @@ class Mobility:
             raise ClosureError(
                 f"the loops are open there by {gap:.3g}; close them first (cc.close)"
             )
+        jacobian = dimensionless_jacobian(self.mechanism, q)
+        if (rank := numerical_rank(jacobian).value) in jacobian.shape:
+            return (self.mechanism.model.nv - rank,)
         return finite_dimensions(self.mechanism, q)
 
 
@@ -196,6 +206,10 @@ def _text(
         lines.append("The count differs from the mobility: it knows no special geometry.")
     if generic.at_home < rank.value:
         lines.append(f"At home the rank drops to {generic.at_home}: a constraint singularity.")
+    still = still_joints(mechanism) if degrees else ()
+    if still:
+        listed = ", ".join(still[:6]) + (f" and {len(still) - 6} more" if len(still) > 6 else "")
+        lines.append(f"The loops hold still, in every posture looked at: {listed}.")
     lines.extend(driving(mechanism))
     for remark in mechanism.description.remarks:
         if remark.about == "mobility":

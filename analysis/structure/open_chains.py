@@ -30,6 +30,12 @@ class Composite:
         Independent displacement equations of each of its loops.
     motion : (int, int)
         Independent translations and rotations of the second body against the first.
+
+    Examples
+    --------
+    >>> s = cc.structure(cc.load("linear_delta"))
+    >>> s.composites[0].motion  # a parallelogram: one translation, no rotation
+    (1, 0)
     """
 
     name: str
@@ -64,6 +70,12 @@ class OpenChain:
         Delta = sum f_i - inputs - xi.
     mobility : int
         Freedoms of the sub-mechanism after it.
+
+    Examples
+    --------
+    >>> s = cc.structure(cc.load("rpa3t"))
+    >>> [(chain.rank, chain.constraint_degree) for chain in s.open_chains]
+    [(6, 0), (5, 0)]
     """
 
     elements: tuple[str, ...]
@@ -84,6 +96,12 @@ class AssurChain:
 
     ``coupling_degree`` is kappa = 1/2 sum |Delta_j| over them: how many unknowns must be assumed
     before each of their loops can be solved on its own. At 0 every loop is solved by itself.
+
+    Examples
+    --------
+    >>> chain = cc.structure(cc.load("rpa3t")).assur_chains[0]
+    >>> chain.coupling_degree
+    0
     """
 
     loops: tuple[int, ...]

@@ -66,6 +66,12 @@ class Relaxed:
         Such as "hinge" and "ball".
     gained : int
         Freedoms that it gains.
+
+    Examples
+    --------
+    >>> relaxed = cc.relaxation(cc.load("linear_delta")).together[0]
+    >>> relaxed.was, relaxed.becomes, relaxed.gained
+    ('hinge', 'ball', 2)
     """
 
     joint: str

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,6 +15,9 @@ from closedchain.closure.charting import chart_of
 from closedchain.closure.mechanism import Mechanism
 from closedchain.urdf.errors import ClosureError
 
+if TYPE_CHECKING:
+    import xarray as xr
+
 RESOLUTION = {1: 401, 2: 101, 3: 25}
 """Points along an axis, by the number of coordinates of a slice."""
 MOST_POINTS = 5000
@@ -23,6 +27,8 @@ WIDEST_TILT = np.radians(100.0)
 """Default range of the tilt: singularities with the tool level are well inside."""
 
 _COARSE = {1: 41, 2: 15, 3: 9}  # points along an axis of the map that ranges are fitted with
+_GROWN = 1.7  # by which a range is widened in which nothing ends
+_GROWTHS = 5  # times: to fourteen characteristic lengths, or all the way round
 _SHRUNK = 0.6  # a range is fitted where the branch takes less than this share of it
 _ROUNDS = 4
 
@@ -92,8 +98,8 @@ def axes_of_slice(
 ) -> dict[str, np.ndarray]:
     """Values along each axis of a slice [m or rad].
 
-    Ranges that are neither given nor of a given span are shrunk to where a coarse map finds the
-    branch.
+    Ranges that are neither given nor of a given span are widened until a coarse map shows a
+    singular set, or the branch's end or a limit, and shrunk to where it finds the branch.
 
     Raises
     ------
@@ -116,7 +122,8 @@ def axes_of_slice(
     }
     free = [name for name in names if name not in wanted.ranges and name not in ("tilt", "azimuth")]
     if wanted.span is None and free:
-        ranges = _fitted(chart, ranges, free, centre, at, outputs=outputs, mode=mode)
+        coarse = _Coarse(chart, dict(at), outputs, mode)
+        ranges = _fitted(coarse, _grown(coarse, ranges, free, centre), free, centre)
     return {name: np.linspace(*ranges[name], points[name]) for name in names}
 
 
@@ -149,6 +156,8 @@ def _around(chart: Chart, name: str, centre: float, span: float, *, fitted: bool
         high = min(high, float(chart.mechanism.limits[1][index]))
     elif chart.unit(name) == "rad":
         low, high = max(low, -np.pi), min(high, np.pi)
+    if chart.unit(name) == "rad":  # once round is all there is
+        low, high = max(low, centre - np.pi), min(high, centre + np.pi)
     if not low < high:
         raise ClosureError(
             f"{name} starts at {centre:g}, beyond its joint limits: give its range, {name}=lo:hi"
@@ -156,32 +165,72 @@ def _around(chart: Chart, name: str, centre: float, span: float, *, fitted: bool
     return low, high
 
 
+@dataclass(frozen=True, eq=False)
+class _Coarse:
+    """Coarse maps that ranges are fitted with."""
+
+    chart: Chart
+    at: dict[str, float]
+    outputs: Names
+    mode: str | None
+
+    def over(self, ranges: Mapping[str, Range]) -> xr.Dataset | None:
+        """Map over ranges, or None: no coarse cell near the start can be reached."""
+        axes = {name: np.linspace(*ends, _COARSE[len(ranges)]) for name, ends in ranges.items()}
+        try:
+            return singularity_map(
+                self.chart.mechanism, axes, self.at or None,
+                mode=self.mode, outputs=self.outputs, progress=False,
+            )  # fmt: skip
+        except ClosureError:
+            return None
+
+
+def _grown(
+    coarse: _Coarse, ranges: dict[str, Range], free: list[str], centre: Mapping[str, float]
+) -> dict[str, Range]:
+    """Ranges of the free coordinates widened until something is to be seen in them."""
+    span = SPAN
+    for _ in range(_GROWTHS):
+        found = coarse.over(ranges)
+        if found is None or _shows(found):
+            break
+        span *= _GROWN
+        wider = ranges | {
+            name: _around(coarse.chart, name, centre[name], span, fitted=True) for name in free
+        }
+        if wider == ranges:
+            break
+        ranges = wider
+    return ranges
+
+
+def _shows(found: xr.Dataset) -> bool:
+    """Whether a map has cells off the branch, or a sign change of a determinant on it."""
+    ok = found["status"].to_numpy() == OK
+    if not ok.all():
+        return True
+    for name in ("det_direct", "det_inverse"):
+        if name in found:
+            signs = np.sign(found[name].to_numpy())
+            if signs.min() < signs.max():
+                return True
+    return False
+
+
 def _fitted(
-    chart: Chart,
-    ranges: dict[str, Range],
-    free: list[str],
-    centre: Mapping[str, float],
-    at: Mapping[str, float],
-    *,
-    outputs: Names,
-    mode: str | None,
+    coarse: _Coarse, ranges: dict[str, Range], free: list[str], centre: Mapping[str, float]
 ) -> dict[str, Range]:
     """Ranges of the free coordinates shrunk around the start to where the branch is."""
-    n = _COARSE[len(ranges)]
     for _ in range(_ROUNDS):
-        axes = {name: np.linspace(*ends, n) for name, ends in ranges.items()}
-        try:
-            status = singularity_map(
-                chart.mechanism, axes, dict(at) or None,
-                mode=mode, outputs=outputs, progress=False,
-            )["status"].to_numpy()  # fmt: skip
-        except ClosureError:
-            # no coarse cell near the start can be reached: it may lie in a narrow region
+        found = coarse.over(ranges)
+        if found is None:  # the start may lie in a narrow region
             ranges = _narrowed(ranges, centre, dict.fromkeys(free, 0.3))
             continue
-        ok = np.argwhere(status == OK)
+        ok = np.argwhere(found["status"].to_numpy() == OK)
         shares = {}
-        for i, (name, axis) in enumerate(axes.items()):
+        for i, name in enumerate(ranges):
+            axis = found[name].to_numpy()
             if name in free:
                 reach = float(np.abs(axis[ok[:, i]] - centre[name]).max()) + (axis[1] - axis[0])
                 share = reach / max(axis[-1] - centre[name], centre[name] - axis[0])

@@ -1,7 +1,8 @@
 """The folder of a survey: its files, and how they are read again.
 
 ``map.nc`` holds the maps, a group for each slice; ``sets.nc`` the singular sets, a group for each
-slice and kind; ``singularities.csv`` the points of the sets, one a row; ``map.png`` the figure.
+slice and kind; ``singularities.csv`` the points of the sets, one a row; ``map.png`` the figure,
+with pages ``map-2.png`` and so on where it needs them, and ``map.alt.txt`` what it shows in words.
 """
 
 from __future__ import annotations
@@ -16,11 +17,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from closedchain.analysis.figures.drawing import draw_survey
+from closedchain.analysis.figures.drawing import MEASURES_DRAWN, draw_survey
+from closedchain.analysis.figures.saving import alt_file
 from closedchain.analysis.singularity.sets.singular_set import SingularitySet
 from closedchain.analysis.survey.set_tables import SavedSet, read_table, table
 from closedchain.analysis.survey.surveying import Survey
 from closedchain.urdf.errors import ClosureError
+from closedchain.urdf.extras import require
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -57,6 +60,7 @@ def write_survey(result: Survey, folder: Path) -> dict[str, Path]:
     OSError
         The folder cannot be written.
     """
+    require("results are written as datasets of xarray", "maps")
     import xarray as xr
 
     folder.mkdir(parents=True, exist_ok=True)
@@ -69,8 +73,22 @@ def write_survey(result: Survey, folder: Path) -> dict[str, Path]:
     sets = {f"{name}/{s.kind}": table(s) for name, part in groups.items() for s in part.sets}
     xr.DataTree.from_dict({"/": root, **sets}).to_netcdf(paths[SETS], engine="h5netcdf")
     _write_points(result, paths[POINTS])
-    draw_survey(result, paths[FIGURE])
+    shown = (*MEASURES_DRAWN, *result.measures)
+    images = draw_survey(result, paths.pop(FIGURE), measures=shown)
+    _drop_pages(paths[MAPS].parent, len(images))
+    for image in images:
+        paths |= {image.name: image, alt_file(image).name: alt_file(image)}
     return paths
+
+
+def _drop_pages(folder: Path, kept: int) -> None:
+    """Delete pages that an earlier survey had and this one has not."""
+    stem, ending = FIGURE.split(".")
+    i = kept + 1 if kept > 1 else 2
+    while (old := folder / f"{stem}-{i}.{ending}").is_file():
+        old.unlink()
+        alt_file(old).unlink(missing_ok=True)
+        i += 1
 
 
 def read_results(folder: Path) -> Results:
@@ -124,6 +142,7 @@ def _stored_map(folder: Path) -> Results:
 
 def _tree(path: Path) -> xr.DataTree:
     """Contents of a netCDF file, read as a whole."""
+    require("results are read as datasets of xarray", "maps")
     import xarray as xr
 
     if not path.is_file():

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
+from closedchain.analysis.singularity.sets.mesh_fit import Fit
 from closedchain.urdf.errors import ClosureError
 
 if TYPE_CHECKING:
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
 KIND_FLAGS = {"direct": 1, "inverse": 2, "constraint": 4}
 """Bits of the variable ``kinds`` of a table."""
 _SIGMAS = ("direct", "inverse", "constraint")
+_FIT = "mesh_"
 _TEXTS = ("kind", "verdict", "note")
 
 
@@ -52,6 +54,14 @@ class DrawableSet(Protocol):
         """Whether all of the map is singular of this kind."""
 
     @property
+    def missed(self) -> int | None:
+        """Sign changes of a finer grid away from the set; None: not checked."""
+
+    @property
+    def fit(self) -> Fit | None:
+        """How well the triangles of a surface lie on it."""
+
+    @property
     def note(self) -> str:
         """What else there is to say."""
 
@@ -74,6 +84,9 @@ class SavedSet:
     everywhere: bool
     verdict: str
     note: str
+    dropped: int = 0
+    missed: int | None = None
+    fit: Fit | None = None
 
 
 def polylines(found: DrawableSet) -> list[tuple[np.ndarray, bool]]:
@@ -143,6 +156,9 @@ def table(found: SingularitySet | SavedSet) -> xr.Dataset:
         "over": "\t".join(found.over),
         "dimension": found.dimension,
         "everywhere": int(found.everywhere),
+        "dropped": found.dropped,
+        "missed": -1 if found.missed is None else found.missed,
+        **({} if found.fit is None else _fit_labels(found.fit)),
         # netCDF attributes hold lists of texts badly: a line for each polyline
         "ends": "\n".join("\t".join(pair) for pair in found.ends),
     }
@@ -189,7 +205,21 @@ def _read(data: xr.Dataset) -> SavedSet:
         everywhere=bool(data.attrs["everywhere"]),
         verdict=str(data.attrs["verdict"]),
         note=str(data.attrs["note"]),
+        dropped=int(data.attrs.get("dropped", 0)),
+        missed=missed if (missed := int(data.attrs.get("missed", -1))) >= 0 else None,
+        fit=_read_fit(data),
     )
+
+
+def _fit_labels(fit: Fit) -> dict[str, float]:
+    return {f"{_FIT}{name.name}": getattr(fit, name.name) for name in fields(fit)}
+
+
+def _read_fit(data: xr.Dataset) -> Fit | None:
+    if f"{_FIT}tolerance" not in data.attrs:
+        return None
+    values = {name.name: data.attrs[f"{_FIT}{name.name}"].item() for name in fields(Fit)}
+    return Fit(**values)
 
 
 def _joined(pieces: tuple[np.ndarray, ...], empty: tuple[int, ...]) -> np.ndarray:

@@ -15,10 +15,12 @@ from closedchain.analysis.redundancy import Redundancy, redundancy
 from closedchain.analysis.singularity.maps.grid import STATUSES, Progress, grid_of
 from closedchain.analysis.singularity.maps.labels import variable_name
 from closedchain.analysis.singularity.maps.mapping import singularity_map
+from closedchain.analysis.singularity.measures_table import Function
 from closedchain.analysis.singularity.sets.finding import set_of
 from closedchain.analysis.singularity.sets.lattice import Lattice, lattice_of
 from closedchain.analysis.singularity.sets.meeting import meeting
 from closedchain.analysis.singularity.sets.singular_set import KINDS, SingularitySet
+from closedchain.analysis.survey.captions import caption
 from closedchain.analysis.survey.plan import (
     Names,
     Range,
@@ -89,13 +91,15 @@ class Slice:
 class Survey:
     """Slices of a mechanism and its null space at home.
 
-    ``notes`` say what was left out, and why.
+    ``notes`` say what was left out, and why; ``measures`` are variables of the maps beyond the
+    measures of singularity.
     """
 
     mechanism: Mechanism
     slices: tuple[Slice, ...]
     redundancy: Redundancy
     notes: tuple[str, ...] = ()
+    measures: Names = ()
 
     @property
     def title(self) -> str:
@@ -149,6 +153,7 @@ def survey(
     outputs: str | None = None,
     workers: Any = None,
     progress: Progress | None = None,
+    measures: Mapping[str, Function] | None = None,
 ) -> Survey:
     """Map slices of a mechanism's coordinates and find the singular sets in them.
 
@@ -177,6 +182,8 @@ def survey(
         As for ``singularity_map``.
     progress : callable, optional
         Called with (what, done, total).
+    measures : mapping of name to function, optional
+        Variables that are added to the maps, as for ``singularity_map``.
 
     Raises
     ------
@@ -220,11 +227,18 @@ def survey(
         why = "; ".join(notes) or "it has no inputs and no outputs that could vary"
         raise ClosureError(f"{mechanism.name!r} has no slice to show: {why}")
     parts = [
-        _slice(mechanism, axes, held, mode, kinds, names=names, workers=workers, progress=progress)
+        _slice(
+            *(mechanism, axes, held, mode, kinds, dict(measures or {})),
+            names=names, workers=workers, progress=progress,
+        )
         for axes, held in chosen
-    ]
+    ]  # fmt: skip
     return Survey(
-        mechanism, tuple(parts), redundancy(mechanism, mechanism.home, names), tuple(notes)
+        mechanism,
+        tuple(parts),
+        redundancy(mechanism, mechanism.home, names),
+        tuple(notes),
+        tuple(measures or ()),
     )
 
 
@@ -257,6 +271,7 @@ def _slice(
     at: Mapping[str, float],
     mode: str | None,
     kinds: Names,
+    measures: Mapping[str, Function],
     *,
     names: Names,
     workers: Any,
@@ -278,15 +293,18 @@ def _slice(
         progress=report,
         keep_q=True,
         workers=workers,
+        measures=measures,
     )
-    if mode is not None and not at:
-        found.attrs["start"] = f"mode {mode}"
     grid = grid_of(mechanism, axes, dict(at) or None, outputs=names, mode=mode)
-    arrays = {str(name): found[name].to_numpy() for name in found.data_vars}
+    added = set(measures)
+    arrays = {str(n): found[n].to_numpy() for n in found.data_vars if n not in added}
     postures = variable_name("q", tuple(axes))
     arrays["q"] = found[postures].to_numpy()
     lattice = lattice_of(grid, arrays, names)
-    return Slice(found.drop_vars(postures), _sets(lattice, kinds, names, report))
+    sets = _sets(lattice, kinds, names, report)
+    found = found.drop_vars(postures)
+    found.attrs["caption"] = caption(found, sets)
+    return Slice(found, sets)
 
 
 def _sets(

@@ -11,6 +11,7 @@ from closedchain.analysis.symbolic.results import (
     SymbolicSingularities,
 )
 from closedchain.closure.mechanism import Mechanism
+from closedchain.urdf.extras import require
 
 __all__ = [
     "Factor",
@@ -51,6 +52,7 @@ def symbolic_singularities(
     >>> [factor.role for factor in s.legs[0].lever_factors["q1"]]
     ['inverse', 'inverse']
     """
+    require("closed forms are derived with sympy", "symbolic")
     from closedchain.analysis.symbolic.closed_forms import derive  # only who asks waits for it
 
     return derive(mechanism, names)

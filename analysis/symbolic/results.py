@@ -59,6 +59,13 @@ class SymbolicLeg:
         Force of that wrench, base axes; zero for a couple. It is of unit length unless said.
     reason : str
         Why there is no determinant.
+
+    Examples
+    --------
+    >>> m = cc.load("linear_delta")
+    >>> leg = cc.symbolic_singularities(m).legs[0]
+    >>> leg.inputs, len(leg.joints)
+    (('q1',), 4)
     """
 
     start: str
@@ -75,7 +82,15 @@ class SymbolicLeg:
 
 @dataclass(frozen=True, eq=False)
 class SymbolicDeterminant:
-    """Determinant, factored, with the meaning of its factors; None where it was not expanded."""
+    """Determinant, factored, with the meaning of its factors; None where it was not expanded.
+
+    Examples
+    --------
+    >>> m = cc.load("linear_delta")
+    >>> det = cc.symbolic_singularities(m).det_Jx
+    >>> [factor.role for factor in det.factors]
+    ['direct']
+    """
 
     expr: Expr | None
     factors: tuple[Factor, ...]

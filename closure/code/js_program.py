@@ -7,9 +7,10 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
+from closedchain.closure import nearness
 from closedchain.closure.code.judging import Judging
 from closedchain.closure.code.program import ENDINGS, FALL, Program
-from closedchain.closure.code.resources import blocks
+from closedchain.closure.code.resources import blocks, resource
 from closedchain.closure.solve.control import ASKING, FRESH, STATE
 from closedchain.closure.solve.step_tapes import StepTapes
 from closedchain.closure.tape.expression import Tape
@@ -41,9 +42,12 @@ class JsProgram:
             found = p.matrices
             parts.append(self.function("allMatrices", found.tape, found.places))
             parts.append(self.function("moved", p.moved))
+            parts.append(self.function("closureValues", p.closure_values))
+            parts.append(self.function("allSlopes", p.slopes))
         wanted = {"ALWAYS": True, "DIRECT": p.direct is not None}
         wanted |= {"INVERSE": p.inverse is not None, "MEASURE": p.measured}
-        return "\n".join([*parts, *(text for key, text in blocks("program.js") if wanted[key])])
+        parts += [text for key, text in blocks("program.js") if wanted[key]]
+        return "\n".join([*parts, *([resource("deciding.js")] if p.measured else [])])
 
     def _head(self) -> str:
         return """\
@@ -79,6 +83,21 @@ class JsProgram:
         known |= {"INPUT_Q": m.input_q.tolist(), "INPUT_V": m.input_v.tolist()}
         known |= {"INPUT_UNIT": m.column_scale[m.input_v].tolist()}
         known |= {"OUTPUT_UNIT": p.output_units.tolist()}
+        known["NEARNESS"] = {k: v for k, v in vars(nearness).items() if k.isupper()}
+        known["GENERIC"] = {
+            "inputs": p.generic.inputs.value,
+            "together": p.generic.together.value,
+            "outputScale": p.generic.output_scale,
+        }
+        known["JOINTS"] = [
+            {
+                "q": joint.idx_q,
+                "v": joint.idx_v,
+                "scale": float(m.column_scale[joint.idx_v]),
+                "floating": joint.nq > 1,
+            }
+            for joint in list(m.model.joints)[1:]
+        ]
         known["ENDINGS"] = {
             e.name: {"code": e.code, "word": e.word, "sentence": e.sentence} for e in ENDINGS
         }

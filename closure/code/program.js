@@ -194,23 +194,31 @@ function orthonormal(y, x) {
     });
 }
 
+// Turn x and y by an angle of a tangent.
+function turn(x, y, tangent) {
+    const c = 1 / Math.sqrt(1 + tangent * tangent);
+    for (let k = 0; k < x.length; ++k) {
+        const kept = x[k];
+        x[k] = c * (kept - tangent * y[k]);
+        y[k] = c * (tangent * kept + y[k]);
+    }
+}
+
 // Singular values of columns a, falling, by Jacobi's rotations from one side (Hestenes 1958);
-// columns b turn along.
+// columns b turn along. Columns that are zero to rounding are turned no more.
 function singularValues(a, b) {
+    const none = a.reduce((sum, x) => sum + inner(x, x), 0) * (0.01 * EPSILON) ** 2;
     for (let sweep = 0, turned = true; turned && sweep < 40; ++sweep) {
         turned = false;
         for (let s = 0; s < a.length; ++s)
             for (let t = s + 1; t < a.length; ++t) {
-                const p = inner(a[s], a[s]), q = inner(a[t], a[t]), r = inner(a[s], a[t]);
-                if (!(Math.abs(r) > EPSILON * Math.sqrt(p) * Math.sqrt(q))) continue;
+                const r = inner(a[s], a[t]);
+                if (r === 0) continue;
+                const p = inner(a[s], a[s]), q = inner(a[t], a[t]);
+                if (!(Math.min(p, q) > none && r * r > EPSILON * EPSILON * p * q)) continue;
                 const z = (q - p) / (2 * r), w = 1 / (Math.abs(z) + Math.sqrt(1 + z * z));
-                const tangent = z < 0 ? -w : w, c = 1 / Math.sqrt(1 + tangent * tangent);
-                for (const side of [a, b])
-                    for (let k = 0; side.length && k < side[s].length; ++k) {
-                        const kept = side[s][k];
-                        side[s][k] = c * (kept - tangent * side[t][k]);
-                        side[t][k] = c * (tangent * kept + side[t][k]);
-                    }
+                turn(a[s], a[t], z < 0 ? -w : w);
+                if (b.length) turn(b[s], b[t], z < 0 ? -w : w);
                 turned = true;
             }
     }
@@ -325,6 +333,24 @@ export function measure(q) {
     const rowOf = (_, o) => INPUT_UNIT.map((_, i) => entry(o, i));
     const twistMap = known ? OUTPUT_UNIT.map(rowOf) : null;
     return {known, twistMap, sigmaDirect, sigmaInverse, detDirect, detInverse};
+}
+
+/**
+ * Twist of the tip [m/s, rad/s], linear and angular, along the world's axes, for rates of the
+ * inputs: six rows. null where the inputs do not determine it.
+ */
+export function tipMap(q) {
+    const found = motionsAt(q);
+    if (found === null) return null;
+    const {loaded, motions, driven} = found, a = inputsIn(motions);
+    const t = along(loaded.slice(0, 6), motions), values = singularValues(a, t);
+    if (!(numberedValue(values, INPUT_V.length, driven) > RANK_LOST) || driven > motions.length)
+        return null;
+    return Array.from({length: 6}, (_, o) => INPUT_UNIT.map((unit, i) => {
+        let sum = 0;
+        for (let k = 0; k < driven; ++k) sum += (t[k][o] / values[k]) * (a[k][i] / values[k]);
+        return sum / unit;
+    }));
 }
 
 /**

@@ -26,6 +26,7 @@ from closedchain.closure.tape.elimination import parity
 from closedchain.closure.tape.expression import Expr, Tape
 from closedchain.closure.tape.rates import physical_rates
 from closedchain.closure.tape.rows import Entries, Kinematics, kinematics
+from closedchain.closure.tape.slopes import slopes_of_product
 from closedchain.urdf.description import OUTPUTS
 
 ENDINGS = (
@@ -154,6 +155,21 @@ class Program:
         ]
         tape = k.graph.tape([entry for _, entry in places], self.mechanism.model.nq)
         return Matrices(tape, tuple(place for place, _ in places), len(rates))
+
+    @cached_property
+    def closure_values(self) -> Tape:
+        """From q to the closure rows, dimensionless."""
+        k = kinematics(self.mechanism)
+        return k.graph.tape(k.closures.values, self.mechanism.model.nq)
+
+    @cached_property
+    def slopes(self) -> Tape:
+        """From q, left and right to the slopes of left^T [K; J] right along motions.
+
+        Floating joints move along the axes of the frame that they float in, as in ``matrices``.
+        """
+        k = kinematics(self.mechanism)
+        return slopes_of_product(k, [*k.closures.entries, *self._task(k)], own=False)
 
     def _task(self, k: Kinematics) -> list[Entries]:
         if not self.outputs:

@@ -6,13 +6,164 @@ block needs but the unknowns of those before.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from functools import cached_property
+
 import numpy as np
 
-from closedchain.closure.modes.complex_equations import ComplexEquations
-from closedchain.closure.modes.paths import Block
+from closedchain.closure.modes.complex_equations import ComplexEquations, normalised
+from closedchain.closure.modes.newton_steps import NewtonSteps, newton_steps
+from closedchain.closure.modes.places import random_place, random_postures
+from closedchain.closure.solve.problem import POSE
+from closedchain.closure.solve.square_systems import solutions
+
+SAMPLES = 6
+"""Postures, real and as many complex ones, at which the order of elimination is chosen."""
+
+TRIED, TRIALS, SETTLED = 24, 40, 1e-8
+"""Random postures that Newton's method tries to close for that, its steps, and a small one."""
+
+BOUND = 0.7
+"""Longest step of Newton's method from afar, relative."""
+
+
+@dataclass(frozen=True, eq=False)
+class Block:
+    """Rows and unknowns of the equations that are solved together, the others held.
+
+    ``rows`` are positions among the kept rows, ``columns`` among the unknowns, as many; ``own`` are
+    the numbers of q that these unknowns change, and ``also`` the rows beside the kept ones, which
+    are to be met, too.
+    """
+
+    equations: ComplexEquations
+    rows: np.ndarray
+    columns: np.ndarray
+    own: np.ndarray
+    also: np.ndarray
+
+    def at(self, q: np.ndarray, targets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Rows (n, k) and Jacobian (n, k, k)."""
+        values, jacobian = self.equations.at(q, targets)
+        return values[:, self.rows], jacobian[:, self.rows][:, :, self.columns]
+
+    def moved(self, q: np.ndarray, step: np.ndarray) -> np.ndarray:
+        """Postures after steps (n, k) of the block's unknowns."""
+        whole = np.zeros((len(q), self.equations.size), dtype=complex)
+        whole[:, self.columns] = step
+        return self.equations.moved(q, whole)
+
+    @cached_property
+    def newton(self) -> NewtonSteps:
+        """Newton's steps, as machine code."""
+        problem = self.equations.problem
+        return newton_steps(problem, self.rows, self.columns, self._samples(), self._slow)
+
+    def _samples(self) -> np.ndarray:
+        """Closed postures and what they meet (nq + prescribed, n), real and complex ones.
+
+        Off closure, entries are large that are nothing on it.
+        """
+        problem, rng = self.equations.problem, np.random.default_rng(3)
+        q = random_postures(problem.mechanism, rng, TRIED)
+        targets = np.array([random_place(problem, rng).targets for _ in range(TRIED)])
+        q[:, problem.pinned_q] = targets[:, : len(problem.pinned)]
+        size = np.full(TRIED, np.inf)
+        for _ in range(TRIALS):
+            _, step = self._slow(q, targets)
+            size = self.size(q, step)
+            step *= (BOUND / np.maximum(size, BOUND))[:, None]
+            q = self.moved(q, step)
+        closed = np.flatnonzero(size < SETTLED)[:SAMPLES]
+        real = problem.regular[:SAMPLES]
+        every = np.concatenate([q[closed], real])
+        return np.hstack([every, np.concatenate([targets[closed], problem.targets_at(real)])]).T
+
+    def _slow(self, q: np.ndarray, targets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Newton's step by LAPACK: postures (n, nq) after it, steps (n, k)."""
+        values, jacobian = self.at(q, targets)
+        step = -solutions(jacobian, values[:, :, None])[:, :, 0]
+        return self.moved(q, step), step
+
+    @cached_property
+    def lengths(self) -> tuple[np.ndarray, np.ndarray]:
+        """Unknowns that are lengths: positions among the columns, and their numbers of q."""
+        problem = self.equations.problem
+        m, model = problem.mechanism, problem.mechanism.model
+        number = {}
+        for j in range(1, model.njoints):
+            for k in range(3 if model.nvs[j] == 6 else 1):
+                if m.translational[model.idx_vs[j] + k]:
+                    number[model.idx_vs[j] + k] = model.idx_qs[j] + k
+        v = [problem.free[c] for c in self.columns]
+        at = [i for i, one in enumerate(v) if one in number]
+        return np.array(at, dtype=int), np.array([number[v[i]] for i in at], dtype=int)
+
+    def settle(self, q: np.ndarray, targets: np.ndarray) -> None:
+        """Write into postures (n, nq) the joints that targets pin; unit quaternions everywhere."""
+        problem = self.equations.problem
+        pins = len(problem.pinned)
+        for i in range(len(problem.goals)):
+            at = slice(pins + POSE * i + 3, pins + POSE * (i + 1))
+            targets[:, at] = normalised(targets[:, at])
+        q[:, problem.pinned_q] = targets[:, :pins]
+        model = problem.mechanism.model
+        for j in range(1, model.njoints):
+            if model.nqs[j] == 7:
+                at = slice(model.idx_qs[j] + 3, model.idx_qs[j] + 7)
+                q[:, at] = normalised(q[:, at])
+
+    def far(self, q: np.ndarray, length: float, high: float) -> np.ndarray:
+        """Which postures (n, nq) have lengths, or imaginary parts of angles, beyond bounds, (n,).
+
+        Lengths are dimensionless.
+        """
+        part = q[:, self.own]
+        lengths, angles, others = self._kinds
+        found = ~np.isfinite(part).all(axis=1)
+        unit = self.equations.problem.mechanism.length
+        found |= (np.abs(part[:, lengths]) > length * unit).any(axis=1)
+        found |= (np.abs(part[:, angles].imag) > high).any(axis=1)
+        found |= (np.abs(part[:, others]) > length).any(axis=1)
+        return np.asarray(found)
+
+    @cached_property
+    def _kinds(self) -> tuple[np.ndarray, ...]:
+        """Which of the block's numbers are lengths, angles, and parts of quaternions."""
+        m = self.equations.problem.mechanism
+        model = m.model
+        kind = np.zeros(model.nq, dtype=int)
+        for j in range(1, model.njoints):
+            first = model.idx_qs[j]
+            if model.nqs[j] == 1:
+                kind[first] = 0 if m.translational[model.idx_vs[j]] else 1
+            else:
+                kind[first + 3 : first + 7] = 2
+        return tuple(np.flatnonzero(kind[self.own] == k) for k in range(3))
+
+    def size(self, q: np.ndarray, step: np.ndarray) -> np.ndarray:
+        """Largest component (n,) of steps (n, k), of lengths relative to those that are long."""
+        sizes = np.abs(step)
+        at, number = self.lengths
+        length = self.equations.problem.mechanism.length
+        sizes[:, at] /= 1.0 + np.abs(q[:, number]) / length
+        found = sizes.max(axis=1, initial=0.0)
+        found[~np.isfinite(found)] = np.inf
+        return np.asarray(found)
 
 
 def blocks_of(equations: ComplexEquations) -> list[Block]:
+    """Blocks of equations, found once."""
+    problem = equations.problem
+    key = "modes.blocks", problem.pinned, problem.goals
+    known = problem.mechanism.known
+    if key not in known:
+        known[key] = _blocks(equations)
+    found: list[Block] = known[key]
+    return found
+
+
+def _blocks(equations: ComplexEquations) -> list[Block]:
     """Blocks in the order in which they can be solved; one where nothing comes apart.
 
     The kept rows are as many as the unknowns. Where there are other rows as well, all is one block:

@@ -29,26 +29,6 @@ class ComplexEquations:
         return len(self.problem.free)
 
     @cached_property
-    def _tape(self) -> tuple[ComplexTape, np.ndarray, np.ndarray]:
-        """Values, then entries of the Jacobian, with the row and the column of each entry."""
-        problem, nq = self.problem, self.problem.mechanism.model.nq
-        g = Graph()
-        # rows along frame 1's axes: their Jacobian is exact off closure, too
-        k = Kinematics(problem.mechanism, g, g.inputs(0, nq), upright=False)
-        rows = problem.rows(k, g.inputs(nq, problem.prescribed))
-        place = {v: i for i, v in enumerate(problem.free)}
-        out = [rows.values[r] for r in problem.kept]
-        at_row, at_column = [], []
-        for i, r in enumerate(problem.kept):
-            for v, entry in rows.entries[r].items():
-                if v in place:
-                    out.append(entry)
-                    at_row.append(i)
-                    at_column.append(place[v])
-        tape = complex_tape(g.tape(out, nq + problem.prescribed))
-        return tape, np.array(at_row, dtype=int), np.array(at_column, dtype=int)
-
-    @cached_property
     def _everything(self) -> tuple[ComplexTape, np.ndarray, np.ndarray, int]:
         """All rows, then the senses of closed joints, then the Jacobian of all rows by entries."""
         problem, nq = self.problem, self.problem.mechanism.model.nq
@@ -91,19 +71,17 @@ class ComplexEquations:
     @cached_property
     def pattern(self) -> np.ndarray:
         """Which entries (rows, unknowns) of the Jacobian are not always zero."""
-        _, row, column = self._tape
-        found = np.zeros((len(self.problem.kept), self.size), dtype=bool)
-        found[row, column] = True
-        return found
+        problem, nq = self.problem, self.problem.mechanism.model.nq
+        g = Graph()
+        k = Kinematics(problem.mechanism, g, g.inputs(0, nq), upright=False)
+        rows = problem.rows(k, g.inputs(nq, problem.prescribed))
+        return np.array([[v in rows.entries[r] for v in problem.free] for r in problem.kept])
 
     def at(self, q: np.ndarray, targets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Rows (n, r) and Jacobians (n, r, size) at postures (n, nq), targets (n, prescribed)."""
-        tape, row, column = self._tape
-        r = len(self.problem.kept)
-        found = tape.run(np.hstack([q, targets]).T.astype(complex))
-        jacobian = np.zeros((len(q), r, self.size), dtype=complex)
-        jacobian[:, row, column] = found[r:].T
-        return np.ascontiguousarray(found[:r].T), jacobian
+        """Kept rows (n, r) and Jacobians (n, r, size) at postures (n, nq), targets (n, m)."""
+        values, jacobian = self.all_rows(q, targets)
+        kept = list(self.problem.kept)
+        return values[:, kept], jacobian[:, kept]
 
     def moved(self, q: np.ndarray, step: np.ndarray) -> np.ndarray:
         """Postures (n, nq) after dimensionless steps (n, size), complex as they may be."""
@@ -134,8 +112,9 @@ def equations_of(problem: Problem) -> ComplexEquations:
 
 def normalised(quaternions: np.ndarray) -> np.ndarray:
     """Quaternions (n, 4) divided by the root of their sum of squares, without conjugates."""
-    size = np.sqrt((quaternions * quaternions).sum(axis=1, keepdims=True))
-    return np.asarray(quaternions / size)
+    with np.errstate(all="ignore"):  # what is not finite is looked for later
+        size = np.sqrt((quaternions * quaternions).sum(axis=1, keepdims=True))
+        return np.asarray(quaternions / size)
 
 
 def _turned(quaternion: np.ndarray, by: list[np.ndarray]) -> np.ndarray:

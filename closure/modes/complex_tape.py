@@ -32,12 +32,23 @@ class ComplexTape:
 
     def run(self, x: np.ndarray) -> np.ndarray:
         """Outputs (outputs, n) for inputs (inputs, n), complex."""
-        angles = x[list(self.turned)]
-        every = np.concatenate([x, np.cos(angles), np.sin(angles)]).astype(complex)
-        parts = np.empty((2 * len(every), x.shape[1]))
-        parts[0::2], parts[1::2] = every.real, every.imag
+        first, count = 2 * self.inputs, len(self.turned)
+        parts = np.empty((first + 4 * count, x.shape[1]))
+        parts[0:first:2], parts[1:first:2] = x.real, x.imag
+        if count:
+            at = 2 * np.array(self.turned)
+            cosine, sine = np.cos(parts[at]), np.sin(parts[at])
+            grown = np.exp(parts[at + 1])
+            shrunk = 1.0 / grown
+            even, odd = 0.5 * (grown + shrunk), 0.5 * (grown - shrunk)
+            parts[first : first + 2 * count : 2] = cosine * even
+            parts[first + 1 : first + 2 * count : 2] = -(sine * odd)
+            parts[first + 2 * count :: 2] = sine * even
+            parts[first + 2 * count + 1 :: 2] = cosine * odd
         found = self.code.run(parts)
-        return np.asarray(found[0::2] + 1j * found[1::2])
+        out = np.empty((len(found) // 2, x.shape[1]), dtype=complex)
+        out.real, out.imag = found[0::2], found[1::2]
+        return out
 
 
 Parts = tuple[Expr, Expr]
@@ -102,8 +113,10 @@ def _operation(op: str, a: Parts, b: Parts | None = None) -> Parts:
 
 
 def _root(a: Parts) -> Parts:
-    """Square root with a positive real part."""
+    """Square root with a positive real part; its smaller part keeps its digits, too."""
     size = (a[0] * a[0] + a[1] * a[1]).sqrt()
-    real = (0.5 * (size + a[0])).max(0.0).sqrt()
-    imaginary = (0.5 * (size - a[0])).max(0.0).sqrt()
-    return real, (a[1] < 0.0).select(-imaginary, imaginary)
+    large = (0.5 * (size + abs(a[0]))).max(1e-300).sqrt()
+    small = 0.5 * a[1] * large.recip()
+    left = a[0] < 0.0
+    imaginary = (a[1] < 0.0).select(-large, large)
+    return left.select(abs(small), large), left.select(imaginary, small)

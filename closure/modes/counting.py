@@ -8,25 +8,22 @@ from __future__ import annotations
 
 import io
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 
-from closedchain.closure.modes.blocks import blocks_of
+from closedchain.closure.modes.blocks import Block, blocks_of
 from closedchain.closure.modes.complex_equations import equations_of
-from closedchain.closure.modes.monodromy import (
-    Generic,
-    generic_solutions,
-    merged,
-    random_place,
-)
-from closedchain.closure.modes.paths import Block, Place, track
+from closedchain.closure.modes.loops import merged
+from closedchain.closure.modes.monodromy import Generic, generic_solutions
+from closedchain.closure.modes.paths import track
+from closedchain.closure.modes.places import Place, random_place
 from closedchain.closure.modes.shapes import Shapes, groups
 from closedchain.closure.solve.problem import Problem
 from closedchain.closure.tape import cache
 
-FORMAT = "generic solutions 2"
+FORMAT = "generic solutions 3"
 TOGETHER = 512  # paths that are followed together
 
 
@@ -98,9 +95,9 @@ def _followed(
     rng = np.random.default_rng(1)
     found, lost = _route(block, [generic.place], generic.q, targets, q)
     if len(found) < len(q) * len(generic.q):
-        around = [generic.place, random_place(block, rng)]
+        around = [generic.place, random_place(block.equations.problem, rng)]
         more, ends = _route(block, around, generic.q, targets, q)
-        found = merged(shapes, found, more)
+        found = merged(shapes.of, found, more)
         lost = lost if len(lost) >= len(ends) else ends
     return found, lost[: len(q) * len(generic.q) - len(found)]
 
@@ -137,16 +134,14 @@ def _generic(
         if report is not None:
             report("finding solutions at generic values", count)
 
-    one, two = (generic_solutions(block, shapes, seed, tell) for seed in (0, 1))
-    found = one if len(one.q) >= len(two.q) else two
-    found = replace(found, known=one.known and two.known and len(one.q) == len(two.q))
+    found = generic_solutions(block, shapes, report=tell)
     file = io.BytesIO()
     np.savez(
         file,
         targets=found.place.targets,
         given=found.place.given,
         q=found.q,
-        numbers=np.array([found.loops, found.quiet, found.hits, found.known]),
+        numbers=np.array([found.points, found.hits, found.known]),
     )
     cache.write(name, file.getvalue())
     return found
@@ -166,11 +161,11 @@ def _read(name: str, block: Block) -> Generic | None:
         return None
     try:
         with np.load(io.BytesIO(data), allow_pickle=False) as kept:
-            loops, quiet, hits, known = (int(x) for x in kept["numbers"])
+            points, hits, known = (int(x) for x in kept["numbers"])
             place = Place(kept["targets"], kept["given"])
             q = np.array(kept["q"])
     except (KeyError, ValueError, OSError):
         return None
     if q.ndim != 2 or q.shape[1] != block.equations.problem.mechanism.model.nq:
         return None
-    return Generic(place, q, loops, quiet, hits, bool(known))
+    return Generic(place, q, points, hits, bool(known))

@@ -25,6 +25,13 @@ class Family:
         Of the motions that are left there: the rank that the equations lack.
     q : (nq,) array
         One posture of it.
+
+    Examples
+    --------
+    >>> m = cc.load("linear_delta")
+    >>> found = cc.postures(m, fixed={"q1": -0.14}, count=False, starts=100)
+    >>> found.families[0].dimension  # two freedoms are left
+    2
     """
 
     dimension: int

@@ -31,6 +31,8 @@ EXACT, GOOD, FAIR = 2e-14, 2e-13, 5e-13
 """Largest dimensionless row that is sought at the postures that numbers are fitted to, below which
 slow progress is no longer worth a step, and that is accepted: below what counts as closed."""
 
+NEARLY = 1e-9  # dimensionless row from which other postures are worth a try
+
 Build = Callable[[Description], Mechanism]
 
 
@@ -81,11 +83,18 @@ def refit(
     ``postures`` (nq,) lie along the motions of the ``mechanism``, closed to the tolerance.
     """
     values = np.array([number.value for number in movable.numbers])
-    part = movable.part
+    part, start = movable.part, postures[0]
     for seed in range(1, ROUNDS + 1):
         found = _descended(movable, mechanism, values, postures)
-        if found is None:
+        if found is None or found.worst > NEARLY:
             return None
+        if found.worst > FAIR:  # numbers may fit in two ways that meet here: again, elsewhere
+            equations = part.equations(part.alone(mechanism))
+            again = spread(equations, start, movable.rank, movable.tolerance, POSTURES, seed)
+            if not again:
+                return None
+            postures = [spot.q for spot in again]
+            continue
         mechanism, values = found.mechanism, found.values
         start = found.spots[0].q
         equations = part.equations(part.alone(mechanism))
@@ -126,7 +135,7 @@ def _descended(
         size = float(np.linalg.norm(step))
         stalled = ENOUGH if here.worst < GOOD and there.worst > 0.5 * here.worst else 0
         here = there
-    return here if here.worst < FAIR else None
+    return here
 
 
 def _step(movable: Movable, here: _State, scale: np.ndarray, damping: float) -> np.ndarray:

@@ -55,8 +55,11 @@ class _Question:
 
 def meant(
     build: Build, mechanism: Mechanism, tolerance: float | None
-) -> tuple[Mechanism, Rounding | None]:
+) -> tuple[Mechanism, Rounding | None, tuple[str, ...]]:
     """The mechanism that a file stands for, home as stated; with a report if it is another one.
+
+    The sentences are on closures whose rows nearly depend on each other, and yet are taken as
+    printed: no mechanism was found within the tolerance in which they do.
 
     Parameters
     ----------
@@ -70,32 +73,42 @@ def meant(
     if tolerance is None:
         tolerance = default_tolerance(mechanism.description, mechanism.length)
     if tolerance < NONE or not any(isinstance(c, Closure) for c in mechanism.closures):
-        return mechanism, None
-    exact, told = mechanism, []
+        return mechanism, None, ()
+    exact, told, doubts = mechanism, [], []
     for part in parts_of(mechanism):
         found = _of_part(_Question(part, mechanism, tolerance), build, exact)
-        if found is not None:
+        if isinstance(found, str):
+            doubts.append(found)
+        elif found is not None:
             exact, missed = found
             told.append((part, missed))
     if exact is mechanism:
-        return mechanism, None
-    return exact, together(mechanism, tolerance, told, tuple(_changes(mechanism, exact)))
+        return mechanism, None, tuple(doubts)
+    changes = tuple(_changes(mechanism, exact))
+    return exact, together(mechanism, tolerance, told, changes), tuple(doubts)
 
 
-def _of_part(asked: _Question, build: Build, before: Mechanism) -> tuple[Mechanism, Misfit] | None:
+def _of_part(
+    asked: _Question, build: Build, before: Mechanism
+) -> tuple[Mechanism, Misfit] | str | None:
     """The mechanism with the numbers of one part as they are read, and what the printed ones miss.
 
     ``before`` has the numbers of other parts as they are read; it is returned where those of this
-    one stand as printed. None where no row is redundant, or nothing closes nearly.
+    one stand as printed. A sentence where rows nearly depend on each other and cannot be made to;
+    None where no row is redundant, or nothing closes nearly.
     """
     start = _nearly_closed(asked)
     if start is None:
         return None
+    doubt: str | None = None
     owners = asked.part.owners(asked.printed)
     found = [n for n in numbers(before.description) if n.owner in owners]
     for spots, rank in _along(asked, start):
         if not _doubtful(spots, rank):
             return before, misfit(asked.equations, spots)
+        doubt = doubt or _doubt(asked, spots[0], rank)
+        if len(spots) == 1 and rank < asked.equations.free.size:
+            continue  # the motions that this rank promises lead nowhere
         for weights, values in _attempts(found, asked.tolerance, asked.printed.length):
             model = build(with_numbers(before.description, found, values))
             now = tuple(
@@ -106,7 +119,21 @@ def _of_part(asked: _Question, build: Build, before: Mechanism) -> tuple[Mechani
             exact = refit(movable, model, [spot.q for spot in spots])
             if exact is not None and _near(asked, exact):
                 return exact, misfit(asked.equations, spots)
-    return None
+    return doubt
+
+
+def _doubt(asked: _Question, spot: Settled, rank: int) -> str:
+    names = [asked.printed.closures[i].name for i in asked.part.closures]
+    listed = ", ".join(repr(name) for name in names[:4])
+    more = f" and {len(names) - 4} more" if len(names) > 4 else ""
+    above = f"{spot.values[rank - 1]:.3g} | " if rank else ""
+    below = f"{spot.values[rank]:.2g}" if rank < spot.values.size else "0"
+    return (
+        f"of the {len(spot.rows)} rows of {listed}{more} hardly more than {rank} are independent "
+        f"(singular values {above}{below}). Rounded numbers may look so; but no mechanism in which "
+        f"the others depend on these was found within the tolerance of {asked.tolerance:.2g} m, "
+        "and the numbers are taken as printed"
+    )
 
 
 def _nearly_closed(asked: _Question) -> np.ndarray | None:

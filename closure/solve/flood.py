@@ -92,8 +92,8 @@ class Flooded:
     ----------
     codes : (*shape) int array
         Code of an ``Ending`` for each cell: ARRIVED where it was reached, or is a seed; LIMIT
-        where it was reached beyond a joint's limit; else how the ways into
-        it ended: FOLD, STUCK, MIRRORED or REVERSED, and UNTRIED where there was none.
+        where it was reached, but beyond a joint's limit by all ways that led there; else how the
+        ways into it ended: FOLD, STUCK, MIRRORED or REVERSED, and UNTRIED where there was none.
         SINGULAR_START for seeds that lead nowhere.
     joined : (*shape, k) array of bool
         Whether the branch leads from a cell to the next one along each axis, posture to posture.
@@ -209,9 +209,11 @@ class _Work:
         self.hops.enter(end[done], hop, done)
         self.hops.reopen(end[again & good])
         self.solved[end[good]] = True
+        # beyond a limit another way, with other turns of the joints, may still lead within
         better = done | (EXPLAINS[found] > EXPLAINS[self.codes[end]])
+        better &= good | (self.codes[end] != LIMIT)
         self.codes[end[better]] = found[better]
-        self.left[end[done]] = False
+        self.left[end[good]] = False
         return good
 
     def _behind(self, cells: np.ndarray, side: np.ndarray) -> np.ndarray:

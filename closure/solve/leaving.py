@@ -16,7 +16,7 @@ from closedchain.closure.equations import Equations
 from closedchain.closure.mechanism import Mechanism
 from closedchain.closure.ranks import RANK_TOLERANCE
 from closedchain.closure.solve.descend import Descent, descend
-from closedchain.closure.turns import turning, without_turns
+from closedchain.closure.turns import way
 
 PUSH = 0.3  # dimensionless: of one coordinate
 FARTHEST = 1.5  # dimensionless: what such a push may move altogether
@@ -34,13 +34,13 @@ def left(
     """
     here = q
     for v in equations.free:
-        if abs(_moved(equations.mechanism, q, here)[v]) >= 0.5 * PUSH:
+        if abs(way(equations.mechanism, q, here)[v]) >= 0.5 * PUSH:
             continue  # carried along by those before
         held = replace(equations, free=equations.free[equations.free != v])
         for push in (PUSH, -PUSH):
             near = descend(held, _with_step(equations.mechanism, here, v, push), floor=floor)
-            way = _moved(equations.mechanism, here, near.q)
-            if closed(near) and np.linalg.norm(way) < FARTHEST:
+            moved = way(equations.mechanism, here, near.q)
+            if closed(near) and np.linalg.norm(moved) < FARTHEST:
                 here = near.q
                 break
     return None if here is q else here
@@ -50,9 +50,3 @@ def _with_step(mechanism: Mechanism, q: np.ndarray, v: int, size: float) -> np.n
     step = np.zeros(mechanism.model.nv)
     step[v] = size * mechanism.column_scale[v]
     return np.asarray(pin.integrate(mechanism.model, q, step))
-
-
-def _moved(mechanism: Mechanism, one: np.ndarray, two: np.ndarray) -> np.ndarray:
-    """Dimensionless motion (nv,) from one posture (nq,) to another, whole turns left out."""
-    step = without_turns(pin.difference(mechanism.model, one, two), turning(mechanism))
-    return np.asarray(step / mechanism.column_scale)

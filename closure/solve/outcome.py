@@ -12,6 +12,15 @@ class Ending(Enum):
     """Why a solver ended. The value is the word in public results; ``sentence`` is for people.
 
     ``code`` is a small integer for arrays and machine code; ``Ending.of`` takes it back.
+
+    Examples
+    --------
+    >>> m = cc.load("linear_delta")
+    >>> ending = cc.direct(m, [-0.1, -0.15, -0.2]).ending
+    >>> ending.word, ending.good
+    ('arrived', True)
+    >>> ending.sentence
+    'what was asked for was reached'
     """
 
     # -- as asked

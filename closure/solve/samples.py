@@ -13,10 +13,12 @@ from closedchain.closure.mechanism import Mechanism
 from closedchain.closure.ranks import doubtful, null_space
 from closedchain.closure.solve.descend import descend
 from closedchain.closure.solve.leaving import left
+from closedchain.closure.turns import SAME, way
 
 COUNT = 8
 SPREAD = 0.15  # dimensionless standard deviation of the guesses around home
 STRIDE = 0.15  # dimensionless: along the motions of a posture that home is left for
+NUDGE = 3e-7  # dimensionless: its square is below what counts as closed
 
 _FOUND: WeakKeyDictionary[Mechanism, np.ndarray] = WeakKeyDictionary()
 
@@ -30,8 +32,8 @@ def closed_samples(mechanism: Mechanism) -> np.ndarray:
     Where closures hold to the second order, as in a flat linkage, descent falls back to home but
     for an error that no row shows, and ranks there are those of no posture. Then joints are pushed
     off home, one after the other, and samples are taken around where that leads. Where it leads
-    nowhere, as with all legs stretched, the postures beside home stay: they stand for those that
-    slightly other sizes would have.
+    nowhere else, as with all legs stretched, samples are home but for an error of that size: they
+    stand for what slightly other sizes would have.
 
     Raises
     ------
@@ -42,10 +44,10 @@ def closed_samples(mechanism: Mechanism) -> np.ndarray:
         home = mechanism.closed_home()
         equations = Equations(mechanism, np.arange(mechanism.model.nv))
         found = list(_around(equations, home))
-        if any(doubtful(equations.evaluate(q)[1]) for q in found):
+        if _fallen_back(equations, home, found):
             away = left(equations, home)
             beside = () if away is None else _beside(equations, away)
-            found = [q for q in beside if not doubtful(equations.evaluate(q)[1])] or found
+            found = list(beside) or list(_nudged(equations, home))
         samples = np.array([home, *found])
         samples.setflags(write=False)
         _FOUND[mechanism] = samples
@@ -65,12 +67,34 @@ def _around(equations: Equations, home: np.ndarray) -> Iterator[np.ndarray]:
             yield near.q
 
 
+def _fallen_back(equations: Equations, home: np.ndarray, found: list[np.ndarray]) -> bool:
+    """Whether closed postures are home but for rounding, though motions seem to lead off it."""
+    if any(doubtful(equations.evaluate(q)[1]) for q in found):
+        return True
+    apart = [np.linalg.norm(way(equations.mechanism, home, q)) for q in found]
+    motions = null_space(equations.evaluate(home)[1])[0]
+    return motions.size > 0 and bool(max(apart, default=0.0) < SAME)
+
+
 def _beside(equations: Equations, q: np.ndarray) -> Iterator[np.ndarray]:
-    """A posture (nq,), and closed ones that steps along its motions lead to."""
-    yield q
+    """A posture (nq,), and closed ones that steps along its motions lead to, of clear ranks."""
+    if not doubtful(equations.evaluate(q)[1]):
+        yield q
+    for along in _directions(equations, q):
+        near = descend(equations, equations.move(q, STRIDE * along))
+        if near.closed and not doubtful(near.system):
+            yield near.q
+
+
+def _nudged(equations: Equations, home: np.ndarray) -> Iterator[np.ndarray]:
+    """Home (nq,) but for an error along its motions that no row shows."""
+    for along in _directions(equations, home):
+        yield equations.move(home, NUDGE * along)
+
+
+def _directions(equations: Equations, q: np.ndarray) -> Iterator[np.ndarray]:
+    """Dimensionless unit steps (nv,) in which the closures hold to the first order."""
     rng, motions = np.random.default_rng(0), null_space(equations.evaluate(q)[1])[0]
     for _ in range(COUNT if motions.shape[1] else 0):
         along = motions @ rng.standard_normal(motions.shape[1])
-        near = descend(equations, equations.move(q, STRIDE * along / np.linalg.norm(along)))
-        if near.closed:
-            yield near.q
+        yield along / np.linalg.norm(along)

@@ -153,7 +153,8 @@ def eliminate(
 ) -> Elimination:
     """Factorise rows over ``columns`` (others are not looked at); at least as many as rows.
 
-    ``samples`` (inputs, n) are values of the graph's inputs at which pivots must not be small.
+    ``samples`` (inputs, n) are values of the graph's inputs, real or complex, at which pivots must
+    not be small.
     ``carried`` are further columns that are eliminated along and never have a pivot.
 
     Raises
@@ -275,7 +276,7 @@ def _numbers(
     values = evaluate(tape, list(samples))
     found: dict[int, dict[int, np.ndarray]] = {r: {} for r in live}
     for (r, c), value in zip(places, values, strict=True):
-        found[r][c] = np.broadcast_to(np.asarray(value, dtype=float), samples.shape[1])
+        found[r][c] = np.broadcast_to(np.asarray(value, dtype=samples.dtype), samples.shape[1])
     return found
 
 

@@ -17,18 +17,17 @@ from closedchain.closure import (
     residual,
 )
 from closedchain.closure.files import load_file
+from closedchain.closure.showing import register as _register
 from closedchain.robots import load, robots
 from closedchain.urdf.errors import ClosedChainError, ClosureError, DescriptionError
 
 if TYPE_CHECKING:
+    from closedchain._notebook import show
     from closedchain.analysis.acceleration import Acceleration, acceleration
     from closedchain.analysis.forces.capabilities import (
         Capabilities,
         capabilities,
         compliance,
-        effort_per_force,
-        effort_per_moment,
-        largest_compliance,
         stiffness,
         twist_maps,
     )
@@ -45,6 +44,16 @@ if TYPE_CHECKING:
     from closedchain.analysis.forces.resets import Resets, resets
     from closedchain.analysis.forces.simulate import Simulation, simulate
     from closedchain.analysis.forces.statics import Statics, statics
+    from closedchain.analysis.forces.tip_measures import (
+        effort_per_force,
+        effort_per_moment,
+        isotropy,
+        largest_compliance,
+        least_force,
+        least_speed,
+        least_stiffness,
+        output_transmission,
+    )
     from closedchain.analysis.forces.transmission import transmission
     from closedchain.analysis.forces.transmission_table import transmission_table
     from closedchain.analysis.motion.follow import (
@@ -91,6 +100,7 @@ __version__ = "0.1.0"
 
 # What is asked of a mechanism is imported when it is first asked, so that loading stays quick.
 _LATER = {
+    "_notebook": "show",
     "closure.exporting": "export",
     "closure.code.exporting": "export_code",
     "closure.position": "direct inverse",
@@ -109,8 +119,9 @@ _LATER = {
     "analysis.forces.transmission": "transmission",
     "analysis.forces.transmission_table": "transmission_table",
     "analysis.forces.resets": "Resets resets",
-    "analysis.forces.capabilities": "Capabilities capabilities compliance effort_per_force "
-    "effort_per_moment largest_compliance stiffness twist_maps",
+    "analysis.forces.capabilities": "Capabilities capabilities compliance stiffness twist_maps",
+    "analysis.forces.tip_measures": "effort_per_force effort_per_moment isotropy "
+    "largest_compliance least_force least_speed least_stiffness output_transmission",
     "analysis.forces.effort_history": "EffortHistory efforts_along",
     "analysis.forces.forward_dynamics": "ForwardDynamics forward_dynamics",
     "analysis.forces.simulate": "Simulation simulate",
@@ -140,6 +151,16 @@ _LATER = {
     "analysis.velocity": "Velocity velocity",
 }
 _MODULES = {name: module for module, names in _LATER.items() for name in names.split()}
+
+
+def _show(mechanism: Mechanism, q: Any = None, **options: Any) -> Any:
+    """What ``Mechanism.show`` does: drawing is imported when it is first asked for."""
+    from closedchain.robots.embedding import show
+
+    return show(mechanism, q, **options)
+
+
+_register(_show)
 
 
 def __getattr__(name: str) -> Any:
@@ -223,8 +244,12 @@ __all__ = [
     "input_efforts",
     "inverse",
     "inverse_dynamics",
+    "isotropy",
     "joint_positions",
     "largest_compliance",
+    "least_force",
+    "least_speed",
+    "least_stiffness",
     "leg_velocity",
     "load",
     "load_file",
@@ -233,6 +258,7 @@ __all__ = [
     "mass_matrix",
     "mobility",
     "network",
+    "output_transmission",
     "poc",
     "postures",
     "read_task_path",
@@ -242,6 +268,7 @@ __all__ = [
     "residual",
     "robots",
     "self_motion",
+    "show",
     "simulate",
     "singularity_map",
     "singularity_set",

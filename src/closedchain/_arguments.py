@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Literal
 from closedchain.urdf.errors import ClosedChainError, DescriptionError, known_names
 
 if TYPE_CHECKING:
+    from closedchain.analysis.forces.tip_measures import TipMeasure
     from closedchain.closure import Mechanism
 
 Up = Literal["x", "y", "z"]
@@ -107,6 +108,21 @@ def up_axis(name: str, chosen: str | None = None) -> Up:
     return robot(name).up if name in (*robots(), *families()) else "z"
 
 
+def free_fall(robot: str, words: str | None, *, none: bool) -> list[float]:
+    """Acceleration of free fall [m/s^2]: as given, none, or against the robot's up axis.
+
+    Raises ``BadArgumentError``.
+    """
+    if none:
+        return [0.0, 0.0, 0.0]
+    if words is None:
+        return [-9.81 if axis == up_axis(robot) else 0.0 for axis in "xyz"]
+    numbers = [number(word, "--gravity") for word in words.replace(",", " ").split()]
+    if len(numbers) != 3:
+        raise BadArgumentError(f"--gravity: expected three numbers, got {words!r}")
+    return numbers
+
+
 def finite(values: Sequence[float], what: str) -> None:
     """Refuse what is not finite. Raises ``BadArgumentError``."""
     if not all(map(math.isfinite, values)):
@@ -141,6 +157,20 @@ def _value(text: str) -> float:
         return -size if in_pi["sign"] == "-" else size
     except (ValueError, ZeroDivisionError):
         return math.nan
+
+
+def measures(words: Iterable[str]) -> dict[str, TipMeasure]:
+    """Read ``NAME`` or ``NAME=NUMBER,...`` words about measures. Raises ``ClosedChainError``."""
+    from closedchain.analysis.forces.tip_measures import tip_measure
+
+    found: dict[str, TipMeasure] = {}
+    for word in words:
+        name, equals, text = word.partition("=")
+        if name in found:
+            raise BadArgumentError(f"--measure: {name} is given twice")
+        numbers = [number(one, f"--measure {name}") for one in text.split(",")] if equals else None
+        found[name] = tip_measure(name, numbers)
+    return found
 
 
 def input_values(mechanism: Mechanism, words: Iterable[str], option: str = "") -> dict[str, float]:

@@ -15,6 +15,7 @@ from closedchain._follow_report import report
 from closedchain._options import Json, NoXacro, Outputs, Robot, Settings, Variant
 from closedchain._terminal import fail
 from closedchain.urdf.errors import known_names
+from closedchain.urdf.extras import require
 
 if TYPE_CHECKING:
     from closedchain.analysis.motion.follow import Comparison, Follow, TaskPath
@@ -90,6 +91,7 @@ def follow(
     from closedchain.analysis.progress import reporting
     from closedchain.robots.named_tasks import task_outputs
 
+    require("a run is written as dataset, figures and page", "maps", "figures", "view")
     if objective not in OBJECTIVES:
         fail(known_names(objective, "objective", OBJECTIVES))
     way = next((known for known in METHODS if known == method), None)
@@ -129,6 +131,7 @@ def write(
 ) -> dict[str, Path]:
     """Write the results of a run; return the paths by name. Raises ``OSError``."""
     from closedchain._follow_page import follow_page
+    from closedchain._index_page import write_index
     from closedchain.analysis.motion.follow.figures import draw_follow, draw_inputs
 
     others = {} if comparison is None else _others(comparison, run)
@@ -144,7 +147,8 @@ def write(
     files = {name: folder / name for name in writers}
     for name, writer in writers.items():
         writer(files[name])
-    return files
+    index = write_index(title, files, [run.message])
+    return {**files, index.name: index}
 
 
 def _others(found: Comparison, run: Follow) -> dict[str, Follow]:

@@ -39,6 +39,25 @@ NoXacro = Annotated[
     typer.Option("--no-xacro", help="Read plain URDF only; xacro in a file runs as Python code."),
 ]
 NoGravity = Annotated[bool, typer.Option("--no-gravity", help="Without weights.")]
+Gravity = Annotated[
+    str | None,
+    typer.Option(
+        metavar='"X Y Z"',
+        help="Acceleration of free fall [m/s^2], along the world's axes; by default 9.81 against "
+        "the robot's up axis: z, or another one of robots of the catalogue.",
+    ),
+]
+Wrench = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar='[FRAME=]"fx fy fz mx my mz"',
+        help="Force and moment [N, N m] on the robot along the world's axes, at the tip or at a "
+        "named frame (several may be given).",
+    ),
+]
+Payload = Annotated[
+    list[str] | None, typer.Option(metavar="FRAME=KG", help="Point mass at a named frame.")
+]
 Density = Annotated[
     float | None,
     typer.Option(
@@ -84,6 +103,16 @@ Span = Annotated[
     typer.Option(
         help="Half width of ranges not given, around the start [characteristic lengths, or rad]; "
         "by default 1, or less where the branch takes up little of that."
+    ),
+]
+Measures = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--measure",
+        metavar="NAME[=NUMBER,...]",
+        help="Further variable of the maps: effort_per_force, effort_per_moment, least_speed, "
+        "least_force, isotropy, output_transmission; with the stiffness of the drives [N/m or "
+        "N m/rad] largest_compliance=1e6, least_stiffness=1e6 (several may be given).",
     ),
 ]
 Workers = Annotated[

@@ -12,6 +12,7 @@ import typer
 from closedchain import _arguments as arguments
 from closedchain._options import Json, NoXacro, Outputs, Robot, Settings, Triple, Values, Variant
 from closedchain._terminal import fail, print_json, remark, say, table
+from closedchain.urdf.extras import require
 
 if TYPE_CHECKING:
     from closedchain.closure import Mechanism
@@ -67,6 +68,8 @@ def postures(
     """All postures with the inputs, the tip's pose or some joints held."""
     import closedchain as cc
 
+    if html is not None:
+        require("a page draws with Meshcat", "view")
     mechanism = arguments.load_robot(robot, settings or (), variant, xacro=not no_xacro)
     held = _held(mechanism, values, xyz, rpy, fixed)
     wanted = _slice(mechanism, over or ())
@@ -90,7 +93,8 @@ def postures(
         certificate.write_text(text.dumps(found.certificate(mechanism), indent=1) + "\n")
         remark(f"written to {certificate}")
     if html is not None:
-        html.write_text(_page(robot, mechanism, found), encoding="utf-8")
+        modes = not {"pose", "fixed"} & set(held)
+        html.write_text(_page(robot, mechanism, found, modes=modes), encoding="utf-8")
         remark(f"written to {html}")
     if json:
         more = {} if connections is None else {"connections": _connected(connections)}
@@ -114,14 +118,18 @@ class _Told:
             self.last = what
 
 
-def _page(robot: str, mechanism: Mechanism, found: Postures) -> str:
-    """Page of the first posture, or of home where there is none, that goes to all of them."""
+def _page(robot: str, mechanism: Mechanism, found: Postures, *, modes: bool) -> str:
+    """Page of the first posture, or of home where there is none, that goes to all of them.
+
+    Assembly modes (``modes``) are gone to at the inputs that the page then has.
+    """
     from closedchain.robots.viewer import Controls, static_page
 
     places = dict(zip(found.names, found.q, strict=True))
     start = found.q[0] if found.count else mechanism.home
     up = arguments.up_axis(robot)
-    return static_page(mechanism, start, up=up, controls=Controls(places=places))
+    offered = Controls(modes=places) if modes else Controls(places=places)
+    return static_page(mechanism, start, up=up, controls=offered)
 
 
 def _held(

@@ -76,11 +76,16 @@ def info(mechanism: Mechanism, json: bool) -> None:
     import closedchain as cc
 
     counted = None if mechanism.home_open else cc.mobility(mechanism)
+    around = () if counted is None else counted.finite_at(mechanism.home)
     relaxed = cc.relaxation(mechanism) if counted and counted.redundant_rows else None
     data = _info_data(mechanism)
     if json:
         print_json(
-            {**data, "mobility": _mobility_data(counted), "relaxation": _relaxation_data(relaxed)}
+            {
+                **data,
+                "mobility": _mobility_data(counted, around),
+                "relaxation": _relaxation_data(relaxed),
+            }
         )
         return
     task = mechanism.task
@@ -119,17 +124,32 @@ def info(mechanism: Mechanism, json: bool) -> None:
         )
     else:
         say(f"\n{counted.text}")
+        if max(around) < counted.mobility:
+            say(textwrap.fill(_fewer(around), _WIDTH))
     if relaxed is not None:
         say(textwrap.fill(relaxed.text, _WIDTH))
     for note in mechanism.notes:
         say(textwrap.fill(f"note: {note}", _WIDTH, subsequent_indent="  "))
 
 
-def _mobility_data(counted: Mobility | None) -> dict[str, Any] | None:
+def _fewer(around: tuple[int, ...]) -> str:
+    """What to say of postures that form a smaller set than the rank promises."""
+    branches = " and of ".join(f"dimension {dimension}" for dimension in around)
+    return (
+        "Not all of that is motion: the rank knows the first order only. The postures around home "
+        f"form {'sets' if len(around) > 1 else 'a set'} of {branches}."
+    )
+
+
+def _mobility_data(counted: Mobility | None, around: tuple[int, ...]) -> dict[str, Any] | None:
     if counted is None:
         return None
     numbers = {key: value for key, value in vars(counted).items() if key != "rank"}
-    return {**numbers, "rank": {"value": counted.rank.value, **_gap(counted.rank)}}
+    return {
+        **numbers,
+        "finite": around,
+        "rank": {"value": counted.rank.value, **_gap(counted.rank)},
+    }
 
 
 def _relaxation_data(found: Relaxation | None) -> dict[str, Any] | None:

@@ -10,6 +10,7 @@ import typer
 from closedchain import _arguments as arguments
 from closedchain._options import Json, NoXacro, Robot, Settings, Variant, Workers
 from closedchain._terminal import print_json, say
+from closedchain.urdf.extras import require
 
 
 def resets(
@@ -39,8 +40,9 @@ def resets(
     qpos: Annotated[
         str | None,
         typer.Option(
-            metavar='"JOINT JOINT ..."|all',
-            help="Add qpos and qvel in MuJoCo's conventions, joints in this order.",
+            metavar='"JOINT JOINT ..."|all|FILE.xml',
+            help="Add qpos and qvel in MuJoCo's conventions, joints in this order, or in that of "
+            "an MJCF file.",
         ),
     ] = None,
     workers: Workers = None,
@@ -53,19 +55,23 @@ def resets(
     import numpy as np
 
     import closedchain as cc
+    from closedchain.analysis.forces.arranging import arranged_names
 
     if out.suffix not in (".npz", ".zarr", ".nc"):
         raise arguments.BadArgumentError(f"--out {out}: the name must end in .npz, .zarr or .nc")
+    require("states are written as a dataset of xarray", "maps")
     mechanism = arguments.load_robot(robot, settings or (), variant, xacro=not no_xacro)
     starts = np.array([mechanism.posture(name) for name in mode]) if mode else None
     wanted = _ranges(over) if over else None
     found = cc.resets(mechanism, n, seed, over=wanted, start=starts, speed=speed, workers=workers)
     data = found.to_dataset()
     if qpos is not None:
-        joints = None if qpos == "all" else qpos.replace(",", " ").split()
+        joints = _order(qpos)
         positions, velocities = found.arranged(joints)
+        names = arranged_names(mechanism, joints)
         data["qpos"] = (("state", "qpos_column"), positions)
         data["qvel"] = (("state", "qvel_column"), velocities)
+        data = data.assign_coords(qpos_column=names[0], qvel_column=names[1])
     out.absolute().parent.mkdir(parents=True, exist_ok=True)
     if out.suffix == ".npz":
         arrays: Any = {str(name): values.to_numpy() for name, values in data.variables.items()}
@@ -80,6 +86,17 @@ def resets(
         return
     say(found.text)
     say(str(out))
+
+
+def _order(words: str) -> list[str] | None:
+    """Joints in the order wanted; None for all."""
+    if words == "all":
+        return None
+    if words.endswith(".xml"):
+        from closedchain.urdf.formats.mjcf.joint_order import joint_order
+
+        return list(joint_order(words))
+    return words.replace(",", " ").split()
 
 
 def _ranges(words: list[str]) -> dict[str, tuple[float, float] | None]:

@@ -11,16 +11,20 @@ import typer
 from closedchain import _arguments as arguments
 from closedchain._options import (
     Density,
+    Gravity,
     Json,
     NoGravity,
     NoXacro,
+    Payload,
     Robot,
     Settings,
     Values,
     Variant,
+    Wrench,
 )
-from closedchain._statics_command import loaded
+from closedchain._statics_command import loaded, payloads, wrenches
 from closedchain._terminal import print_json, say
+from closedchain.urdf.extras import require
 
 
 def simulate(
@@ -37,11 +41,14 @@ def simulate(
         typer.Option(metavar="INPUT=EFFORT", help="Constant effort of an input [N, N m]; else 0."),
     ] = None,
     hold: Annotated[
-        bool, typer.Option("--hold", help="Add the efforts that hold the weights at the start.")
+        bool, typer.Option("--hold", help="Add the efforts that hold the loads at the start.")
     ] = False,
     no_limits: Annotated[
         bool, typer.Option("--no-limits", help="Go on where a joint meets its limit.")
     ] = False,
+    wrench: Wrench = None,
+    payload: Payload = None,
+    gravity: Gravity = None,
     no_gravity: NoGravity = False,
     density: Density = None,
     settings: Settings = None,
@@ -53,27 +60,35 @@ def simulate(
     import numpy as np
 
     import closedchain as cc
-    from closedchain.robots.animation import Animation, Readout
+    from closedchain._index_page import write_index
+    from closedchain.robots.animation import Animation, Readout, input_readouts
     from closedchain.robots.viewer import static_page
 
     mechanism, q = loaded(robot, values, settings, variant, no_xacro=no_xacro, density=density)
+    require("a motion is written as dataset and page", "maps", "view")
     given = arguments.input_values(mechanism, effort or (), "--effort")
     tau = np.array([given.get(name, 0.0) for name in mechanism.inputs])
+    forces, masses = wrenches(mechanism, wrench), payloads(payload)
+    fall = arguments.free_fall(robot, gravity, none=no_gravity)
     if hold:
-        tau += cc.statics(mechanism, q, gravity=not no_gravity).raise_if_failed().inputs
+        held = cc.statics(mechanism, q, forces, fall, payload=masses)
+        tau += held.raise_if_failed().inputs
     found = cc.simulate(
         *(mechanism, q, None, tau, until),
-        every=every, gravity=not no_gravity, limits=not no_limits,
+        every=every, wrench=forces, payload=masses, gravity=fall, limits=not no_limits,
     )  # fmt: skip
     out.mkdir(parents=True, exist_ok=True)
     data, page = out / "motion.nc", out / _file(mechanism.name)
     found.to_dataset().to_netcdf(data, engine="h5netcdf")
     files = [data]
     if len(found.t) > 1:
-        shown = Animation(found.q, found.t, readouts=(Readout("energy", found.energy, "J"),))
+        told = (*input_readouts(mechanism, found.q), Readout("energy", found.energy, "J"))
+        shown = Animation(found.q, found.t, readouts=told)
         up = arguments.up_axis(robot)
         page.write_text(static_page(mechanism, up=up, animation=shown), encoding="utf-8")
         files.append(page)
+    lines = [found.message, *(event.text for event in found.events if event.text != found.message)]
+    files.append(write_index(f"{mechanism.name}, simulated", {f.name: f for f in files}, lines))
     if json:
         facts = {"ending": found.ending.word, "message": found.message, "until": found.t[-1]}
         numbers = {"residual": found.residual, "drift": found.drift, "steps": found.steps}
@@ -81,10 +96,8 @@ def simulate(
         paths = [str(path) for path in files]
         print_json({"robot": mechanism.name, **facts, **numbers, "events": events, "files": paths})
         return
-    say(found.message)
-    for event in found.events:
-        if event.text != found.message:
-            say(event.text)
+    for line in lines:
+        say(line)
     say(f"loops closed to {found.residual:.1e}, energy drifts by {found.drift:.1e} W")
     for path in files:
         say(str(path))

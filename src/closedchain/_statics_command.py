@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import TYPE_CHECKING
 
 from closedchain import _arguments as arguments
 from closedchain._options import (
     Density,
+    Gravity,
     Json,
     NoGravity,
     NoXacro,
+    Payload,
     Robot,
     Settings,
     Values,
     Variant,
+    Wrench,
 )
 from closedchain._terminal import fail, print_json, say, table
 
@@ -50,18 +51,9 @@ def loaded(
 def statics(
     robot: Robot,
     values: Values = None,
-    wrench: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar='[FRAME=]"fx fy fz mx my mz"',
-            help="Force and moment [N, N m] on the robot along the world's axes, at the tip or at "
-            "a named frame (several may be given).",
-        ),
-    ] = None,
-    payload: Annotated[
-        list[str] | None,
-        typer.Option(metavar="FRAME=KG", help="Point mass at a named frame."),
-    ] = None,
+    wrench: Wrench = None,
+    payload: Payload = None,
+    gravity: Gravity = None,
     no_gravity: NoGravity = False,
     density: Density = None,
     settings: Settings = None,
@@ -73,24 +65,31 @@ def statics(
     import closedchain as cc
 
     mechanism, q = loaded(robot, values, settings, variant, no_xacro=no_xacro, density=density)
-    masses = {
-        frame: arguments.number(text, f"--payload {frame}")
-        for frame, text in arguments.assignments(payload or (), "--payload").items()
-    }
-    found = cc.statics(
-        mechanism, q, _wrenches(mechanism, wrench or ()), not no_gravity, payload=masses
-    )
+    forces, masses = wrenches(mechanism, wrench), payloads(payload)
+    fall = arguments.free_fall(robot, gravity, none=no_gravity)
+    found = cc.statics(mechanism, q, forces, fall, payload=masses)
     if json:
-        print_json({"robot": mechanism.name, **vars(found)})
+        print_json({"robot": mechanism.name, "gravity": fall, **vars(found)})
     if not found.carried:
         fail(found.text)
     if not json:
         _report(mechanism, found)
+        if any(fall):
+            say(f"weights: {' '.join(f'{x:g}' for x in fall)} m/s^2")
 
 
-def _wrenches(mechanism: Mechanism, words: list[str] | tuple[str, ...]) -> dict[str, list[float]]:
+def payloads(words: list[str] | None) -> dict[str, float]:
+    """Masses [kg] by frame. Raises ``BadArgumentError``."""
+    return {
+        frame: arguments.number(text, f"--payload {frame}")
+        for frame, text in arguments.assignments(words or (), "--payload").items()
+    }
+
+
+def wrenches(mechanism: Mechanism, words: list[str] | None) -> dict[str, list[float]]:
+    """Wrenches [N, N m] by frame. Raises ``BadArgumentError``."""
     found: dict[str, list[float]] = {}
-    for word in words:
+    for word in words or ():
         name, equals, text = word.partition("=")
         frame = name if equals else mechanism.required_task().tip
         if frame in found:

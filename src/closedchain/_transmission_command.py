@@ -12,6 +12,7 @@ import typer
 from closedchain import _arguments as arguments
 from closedchain._options import Json, NoXacro, Robot, Settings, Variant
 from closedchain._terminal import print_json, say, table
+from closedchain.urdf.extras import require
 
 if TYPE_CHECKING:
     from closedchain.analysis.forces.motor_map import Transmission
@@ -54,6 +55,7 @@ def transmission(
     from closedchain.analysis.figures.transmissions import draw_transmission
     from closedchain.analysis.forces.transmission_table import csv_text
 
+    require("a table is written as dataset and figure", "maps", "figures")
     mechanism = arguments.load_robot(robot, settings or (), variant, xacro=not no_xacro)
     found = cc.transmission(mechanism, joints, motors or None)
     ranges, points = _ranges(over or ())

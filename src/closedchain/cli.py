@@ -7,6 +7,7 @@ command line that cannot be parsed.
 from __future__ import annotations
 
 import re
+import socket
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -23,6 +24,7 @@ from closedchain._options import (
     At,
     Json,
     Kinds,
+    Measures,
     Mode,
     NoXacro,
     Outputs,
@@ -44,6 +46,7 @@ from closedchain._statics_command import statics
 from closedchain._terminal import fail, print_json, remark, say
 from closedchain._transmission_command import transmission
 from closedchain.urdf.errors import ClosedChainError
+from closedchain.urdf.extras import require
 
 if TYPE_CHECKING:
     from closedchain.closure import Mechanism, Solution
@@ -218,29 +221,39 @@ def view(
     up: Annotated[
         str | None, typer.Option(metavar="x|y|z", help="World axis that points up.")
     ] = None,
+    no_modes: Annotated[
+        bool, typer.Option("--no-modes", help="Do not search other assembly modes to go to.")
+    ] = False,
     mode: Mode = None,
     settings: Settings = None,
     variant: Variant = None,
     no_xacro: NoXacro = False,
 ) -> None:
     """Show a robot in a browser, or write it as a page: sliders move it, its loops stay closed."""
-    from closedchain.robots.viewer import serve, static_page
+    from closedchain._modes import searched_modes
+    from closedchain.robots.viewer import Controls, Served, static_page
 
+    require("a page draws with Meshcat", "view")
     upwards = arguments.up_axis(robot, up)
     mechanism = _load(robot, settings, variant, no_xacro)
     for note in reports.undrawn(mechanism):
         remark(note)
+    if html is None:
+        _refuse_taken(port)
     q = _posture(mechanism, values, mode)
+    modes = {} if no_modes else searched_modes(mechanism, q)
+    page = static_page(mechanism, q, up=upwards, controls=Controls(modes=modes))
     if html is not None:
-        html.write_text(static_page(mechanism, q, up=upwards, controls=True), encoding="utf-8")
+        html.write_text(page, encoding="utf-8")
         say(str(html))
         if open_browser:
             typer.launch(html.absolute().as_uri())
         return
-    shown = serve(mechanism, q, up=upwards, open_browser=open_browser, controls=True, port=port)
-    with shown as page:
-        say(f"{page.url}  (Ctrl-C ends)")
-        page.wait()
+    with Served(page, port) as served:
+        say(f"{served.url}  (Ctrl-C ends)")
+        if open_browser:
+            typer.launch(served.url)
+        served.wait()
 
 
 @app.command()
@@ -267,6 +280,7 @@ def singularities(
     resolution: Resolution = None,
     span: Span = None,
     outputs: Outputs = None,
+    measure: Measures = None,
     workers: Workers = None,
     settings: Settings = None,
     variant: Variant = None,
@@ -280,12 +294,14 @@ def singularities(
 
     By default: two slices of input space, and of the workspace where home allows.
     """
+    from closedchain._index_page import write_index
     from closedchain._survey_page import survey_page
     from closedchain.analysis.progress import reporting
     from closedchain.analysis.survey.results_folder import write_survey
     from closedchain.analysis.survey.surveying import survey
 
-    kinds = arguments.kinds(kind or ())
+    require("a survey writes maps, figures and a page", "maps", "figures", "view")
+    kinds, more = arguments.kinds(kind or ()), arguments.measures(measure or ())
     mechanism = _load(robot, settings, variant, no_xacro)
     wanted = arguments.slices(mechanism, over or ())
     if span is not None:
@@ -310,11 +326,16 @@ def singularities(
             outputs=outputs,
             workers=workers,
             progress=progress,
+            measures=more,
         )
     written = write_survey(found, out)
     page = out / f"{re.sub(r'[^A-Za-z0-9._-]', '_', mechanism.name)}.html"
     page.write_text(survey_page(found, start, up=arguments.up_axis(robot)), encoding="utf-8")
-    reports.survey(found, {**written, page.name: page}, json, details=details)
+    files = {**written, page.name: page}
+    captions = [str(part.map.attrs["caption"]) for part in found.slices]
+    text = [*captions, *found.notes, *found.details, f"At home: {found.redundancy.text}"]
+    index = write_index(found.title, files, text, found.summary())
+    reports.survey(found, {**files, index.name: index}, json, details=details)
 
 
 @app.command()
@@ -337,14 +358,19 @@ def plot(
     out: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Image; map.png in the folder by default.")
     ] = None,
+    grey: Annotated[
+        bool, typer.Option("--grey", help="Without colours, for print: kinds differ by dashes.")
+    ] = False,
 ) -> None:
     """Draw the results of a folder again, from its files alone."""
     from closedchain.analysis.figures.drawing import draw_survey
     from closedchain.analysis.survey.results_folder import read_results
 
+    require("figures are drawn from datasets", "maps", "figures")
     image = arguments.image_file(folder, out, image_format)
-    draw_survey(read_results(folder), image, measures=measure or None, dpi=dpi)
-    say(str(image))
+    results = read_results(folder)
+    for page in draw_survey(results, image, measures=measure or None, dpi=dpi, grey=grey):
+        say(str(page))
 
 
 app.command()(reads_a_file(follow))
@@ -356,6 +382,19 @@ app.command()(reads_a_file(statics))
 app.command()(reads_a_file(simulate))
 app.command()(reads_a_file(resets))
 app.command()(reads_a_file(transmission))
+
+
+def _refuse_taken(port: int) -> None:
+    """End where a port of this machine is taken, before any work."""
+    with socket.socket() as one:
+        one.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # as the server does
+        try:
+            one.bind(("127.0.0.1", port))
+        except OSError as error:
+            fail(
+                f"port {port} cannot be served at ({error.strerror}): choose another with --port, "
+                "or leave it out for a free one"
+            )
 
 
 def _load(robot: str, settings: list[str] | None, variant: str | None, no_xacro: bool) -> Mechanism:

@@ -178,7 +178,7 @@ def test_a_turning_point_accelerates_towards_the_axis() -> None:
 # -- mechanisms ----------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", cc.robots())
+@pytest.mark.parametrize("name", cc.robots("papers"))
 def test_robots_move_as_the_constraint_jacobians_say(name: str) -> None:
     m = robot(name)
     for q, v, a in samples(name):
@@ -202,7 +202,7 @@ def test_linkages_move_as_the_constraint_jacobians_say(name: str) -> None:
         assert_close(two.qddot, one.qddot, EQUAL * scale(one.qddot))
 
 
-@pytest.mark.parametrize("name", cc.robots())
+@pytest.mark.parametrize("name", cc.robots("papers"))
 def test_every_body_moves_as_in_pinocchio(name: str) -> None:
     m = robot(name)
     q, v, a = samples(name)[0]
@@ -217,7 +217,7 @@ def test_every_body_moves_as_in_pinocchio(name: str) -> None:
             assert_close(found.accelerator(link), spatial, EQUAL * size, link)
 
 
-@pytest.mark.parametrize("name", cc.robots())
+@pytest.mark.parametrize("name", cc.robots("papers"))
 def test_circuits_close_to_second_order(name: str) -> None:
     """Eqs (34), (35) before anything is eliminated: twists and accelerators sum to zero."""
     m = robot(name)
@@ -320,7 +320,7 @@ def settled(path: Callable[[float], np.ndarray], h: float) -> list[np.ndarray]:
     return out
 
 
-@pytest.mark.parametrize("name", cc.robots())
+@pytest.mark.parametrize("name", cc.robots("papers"))
 def test_against_differences_of_positions(name: str) -> None:
     """Joints and tip along inputs q0 + v t + a t^2 / 2, from the position solution alone."""
     m = robot(name)

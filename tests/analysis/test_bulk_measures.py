@@ -63,7 +63,7 @@ def assert_condition(m: cc.Mechanism, q: np.ndarray, outputs: str | None, found:
         assert found > 1e8
 
 
-@pytest.mark.parametrize("robot", cc.robots())
+@pytest.mark.parametrize("robot", cc.robots("papers"))
 def test_measures_of_the_robots(robot: str, tol: Tolerances) -> None:
     m = cc.load(robot)
     check(m, np.vstack([m.home[None], closed(m, 25)]), None, tol.closure)

@@ -12,43 +12,18 @@ from __future__ import annotations
 
 import math
 
-import linkages
 import numpy as np
 import pytest
-from linkages import Cut, J
 
 import closedchain as cc
 
-BASE = ((0.0, 0.0), (1.591, 0.0), (0.0, 1.0))
-SIDES = (1.704, 1.654, 2.084)
 LEGS = (1.498, 1.538, 1.2)
 
 
 @pytest.fixture(scope="module")
 def platform() -> cc.Mechanism:
-    one, two, three = SIDES
-    x = (three**2 - two**2 + one**2) / (2.0 * one)
-    corners = ((0.0, 0.0), (one, 0.0), (x, math.sqrt(three**2 - x * x)))
-    place, turn = np.array([0.3, 1.2]), -0.4
-    c, s = math.cos(turn), math.sin(turn)
-    joints, cuts, inputs, home = [], [], {}, {}
-    for i, (a, b) in enumerate(zip(BASE, corners, strict=True), 1):
-        leg = place + np.array([c * b[0] - s * b[1], s * b[0] + c * b[1]]) - a
-        angle = math.atan2(leg[1], leg[0])
-        joints += [
-            J(f"r{i}", "base", f"lower{i}", f"{a[0]} {a[1]} 0"),
-            J(f"p{i}", f"lower{i}", f"upper{i}", axis="1 0 0", type="prismatic"),
-        ]
-        inputs[f"q{i}"] = f"p{i}"
-        home |= {f"r{i}": angle, f"p{i}": math.hypot(*leg)}
-        if i == 1:
-            joints.append(J("turn", "upper1", "platform"))
-            home["turn"] = turn - angle
-        else:
-            cuts.append(Cut(f"c{i}", f"upper{i}", "platform", "0 0 0", f"{b[0]!r} {b[1]!r} 0"))
-    return linkages.load(
-        "rpr", joints, cuts, inputs=inputs, home=home, tip="platform", outputs="x y rz"
-    )
+    sizes = {"feet": "0 0 1.591 0 0 1", "sides": "1.704 1.654 2.084", "length_max": 9}
+    return cc.load("three_rpr", home="0.3 1.2 -0.4", **sizes)
 
 
 @pytest.mark.slow

@@ -68,12 +68,15 @@ def test_cells_without_a_posture_are_hatched_and_named(name: str) -> None:
     data["status"][:3, :3] = code
     figure = draw_map(data)
     assert legend_of(figure) == [BLANKS[name].label]
-    hatches = [getattr(c, "hatches", None) for c in panels(figure)[0].collections]
-    assert [BLANKS[name].hatch] in hatches
+    hatched = [c for c in panels(figure)[0].collections if c.get_hatch() == BLANKS[name].hatch]
+    corners = np.concatenate([path.vertices for c in hatched for path in c.get_paths()])
+    edge = 0.5 * (GRID[2] + GRID[3])  # of the nine cells, whole
+    assert corners.min() == -1.0
+    assert corners.max() == pytest.approx(edge)
     assert legend_of(draw_map(made_map(x=GRID, y=GRID))) == []
 
 
-def test_curves_of_other_branches_are_dashed_and_closed_ones_closed() -> None:
+def test_curves_of_other_branches_are_thin_and_closed_ones_closed() -> None:
     corners = [(0.0, 0.0), (0.5, 0.0), (0.5, 0.5), (0.0, 0.5)]
     ring = made_set("direct", ("x", "y"), corners, ends=(("closed", "closed"),))
     ((line, on_branch),) = polylines(ring)
@@ -82,7 +85,7 @@ def test_curves_of_other_branches_are_dashed_and_closed_ones_closed() -> None:
     strokes = [(line.tolist(), on) for line, on in polylines(half)]
     assert strokes == [([0, 1, 2], True), ([2, 3], False)]
     figure = draw_map(made_map(x=GRID, y=GRID), [half])
-    assert "the same, not reached by the branch" in legend_of(figure)
+    assert "thin: the same, not reached by the branch" in legend_of(figure)
 
 
 def test_a_slice_that_is_singular_everywhere_says_so() -> None:
@@ -127,8 +130,8 @@ def test_one_coordinate_gives_lines() -> None:
     drawn = {line.get_label(): line for line in ax.lines}
     direct = next(line for label, line in drawn.items() if label.startswith("sigma_direct"))
     assert np.array_equal(direct.get_ydata(), data["sigma_direct"].to_numpy(), equal_nan=True)
-    upright = [line.get_xdata() for line in ax.lines if line.get_linestyle() == "--"]
-    assert [list(x) for x in upright] == [[0.0, 0.0]]
+    upright = [line for line in ax.lines if list(line.get_xdata()) == [0.0, 0.0]]
+    assert [to_hex(line.get_color()).upper() for line in upright] == [COLOURS["direct"]]
     assert set(legend_of(figure)) == {
         "direct singularities (type 2)",
         "home",

@@ -15,18 +15,7 @@ import closedchain as cc
 @pytest.fixture(scope="module")
 def wren() -> cc.Mechanism:
     """Two regular hexagons of radius 1, six equal rods of 2 between their corners."""
-    corners = [(math.cos(k * math.pi / 3), math.sin(k * math.pi / 3), 0.0) for k in range(6)]
-    texts = [" ".join(map(repr, corner)) for corner in corners]
-    return linkages.load(
-        "wren",
-        [J("pose", "base", "platform", type="floating")],
-        [
-            Cut(f"rod{k}", "base", "platform", text, text, "distance", length=2.0)
-            for k, text in enumerate(texts)
-        ],
-        home={"pose": "0 0 2 0 0 0 1"},
-        tip="platform",
-    )
+    return cc.load("wren")
 
 
 def test_wren_moves_in_two_ways_and_in_one(wren: cc.Mechanism) -> None:
@@ -45,7 +34,7 @@ def test_wren_moves_in_two_ways_and_in_one(wren: cc.Mechanism) -> None:
         assert found.finite_at(q) == dimensions
 
 
-@pytest.mark.parametrize("robot", cc.robots())
+@pytest.mark.parametrize("robot", cc.robots("papers"))
 def test_robots_move_as_their_rank_says(robot: str) -> None:
     found = cc.mobility(cc.load(robot))
     assert found.finite == found.mobility

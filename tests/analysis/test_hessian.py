@@ -40,7 +40,7 @@ def scale(found: np.ndarray) -> float:
 # -- any mechanism -------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", cc.robots())
+@pytest.mark.parametrize("name", cc.robots("papers"))
 def test_accelerations(name: str) -> None:
     """T a + v^T H v is what the constraint Jacobians say; T is the twist map."""
     m = robot(name)
@@ -57,7 +57,7 @@ def test_accelerations(name: str) -> None:
             assert_close(found.acceleration(v, a), expected, EQUAL * size)
 
 
-@pytest.mark.parametrize("name", cc.robots())
+@pytest.mark.parametrize("name", cc.robots("papers"))
 def test_entries_by_polarisation(name: str) -> None:
     """Every entry, from Kdot v: 2 H_ij = f(e_i + e_j) - f(e_i) - f(e_j), f(v) at rest inputs."""
     m = robot(name)
@@ -76,7 +76,7 @@ def test_entries_by_polarisation(name: str) -> None:
             assert_close(found[:, i, j], mixed, EQUAL * scale(found))
 
 
-@pytest.mark.parametrize("name", cc.robots())
+@pytest.mark.parametrize("name", cc.robots("papers"))
 def test_against_differences_of_the_twist_map(name: str) -> None:
     """H is the symmetric part of dT/dq; the rest is [w_i w_j] / 2, for turning does not commute."""
     m = robot(name)

@@ -8,32 +8,19 @@ import linkages
 import numpy as np
 import pytest
 from oracle.krawczyk import proves
-from stewart import stewart
 from typer.testing import CliRunner
 
 import closedchain as cc
 from closedchain.cli import app
 from closedchain.closure.modes.shapes import Shapes, groups
 
-BASE = np.array(
-    [
-        (0, 0, 0), (1.107915, 0, 0), (0.549094, 0.756063, 0), (0.735077, -0.223935, 0.525991),
-        (0.514188, -0.526063, -0.368418), (0.590473, 0.094733, -0.205018),
-    ]
-)  # fmt: skip
-PLATFORM = np.array(
-    [
-        (0, 0, 0), (0.542805, 0, 0), (0.956919, -0.528915, 0), (0.665885, -0.353482, 1.402538),
-        (0.478359, 1.158742, 0.107672), (-0.137087, -0.235121, 0.353913),
-    ]
-)  # fmt: skip
 LEGS = (1, 0.645275, 1.086284, 1.503439, 1.281933, 0.771071)
 """Dietmaier, The Stewart-Gough platform of general geometry can have 40 real postures, 1998."""
 
 
 @pytest.fixture(scope="module")
 def platform() -> cc.Mechanism:
-    return stewart()
+    return cc.load("gough_stewart", home="0.03 -0.02 0.5 0.05 -0.1 0.08 1")
 
 
 def test_other_spellings_are_no_other_shapes(platform: cc.Mechanism) -> None:
@@ -41,15 +28,15 @@ def test_other_spellings_are_no_other_shapes(platform: cc.Mechanism) -> None:
     q = np.array(platform.home)
     at = {
         name: platform.model.joints[platform.model.getJointId(name)].idx_q
-        for name in ("u1", "w1", "p1")
+        for name in ("leg1_U1", "leg1_U2", "leg1_P")
     }
     second, turned, other = q.copy(), q.copy(), q.copy()
-    second[at["u1"]] += np.pi
-    second[at["w1"]] = np.pi - q[at["w1"]]
-    turned[at["u1"]] += np.pi
-    turned[at["w1"]] *= -1.0
-    turned[at["p1"]] *= -1.0
-    other[at["w1"]] += 1e-3
+    second[at["leg1_U1"]] += np.pi
+    second[at["leg1_U2"]] = np.pi - q[at["leg1_U2"]]
+    turned[at["leg1_U1"]] += np.pi
+    turned[at["leg1_U2"]] *= -1.0
+    turned[at["leg1_P"]] *= -1.0
+    other[at["leg1_U2"]] += 1e-3
     for posture in (second, turned):
         assert np.abs(platform.workspace.residual(posture)).max() < 1e-12
     shapes = Shapes(platform).of(np.array([q, second, turned, other]))
@@ -60,7 +47,7 @@ def test_other_spellings_are_no_other_shapes(platform: cc.Mechanism) -> None:
 
 @pytest.mark.slow
 def test_all_forty_of_dietmaier_are_counted_and_proved() -> None:
-    m = stewart(list(BASE), list(PLATFORM))
+    m = cc.load("gough_stewart", variant="dietmaier")
     found = cc.postures(m, inputs=LEGS)
     assert (found.complete, found.complex_count, len(found)) == ("counted", 40, 40)
     assert found.certified.all()

@@ -110,7 +110,7 @@ def ask(m: cc.Mechanism, asked: dict[str, Question], seed: int) -> dict[str, byt
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("robot", cc.robots())
+@pytest.mark.parametrize("robot", cc.robots("papers"))
 def test_answers_do_not_depend_on_what_was_asked_before_nor_on_the_thread(robot: str) -> None:
     """Twice here, in other orders, and in two threads that share a mechanism new to them."""
     asked, m = questions(robot), cc.load(robot)

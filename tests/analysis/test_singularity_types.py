@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Callable
 from dataclasses import replace
@@ -13,7 +12,6 @@ import linkages
 import numpy as np
 import pytest
 from linkages import Cut, J
-from stewart import hexagon, stewart
 
 import closedchain as cc
 from closedchain.analysis.figures.palette import COLOURS, KIND_LABELS
@@ -114,7 +112,7 @@ CASES: dict[str, Case] = {
         {"IIM", "RI"},
     ),
     "regular four-bar": (lambda: at_home(linkages.four_bar()), set(), set()),
-    "regular Stewart platform": (lambda: at_home(stewart()), set(), set()),
+    "regular Stewart platform": (lambda: at_home(cc.load("gough_stewart")), set(), set()),
 }
 
 
@@ -225,14 +223,9 @@ def test_an_idle_freedom_that_moves_the_tip_is_told() -> None:
     assert cc.classify(m, m.home).kinds == frozenset()
 
 
-def regular_hexagon(radius: float) -> list[np.ndarray]:
-    angles = [k * math.pi / 3.0 for k in range(6)]
-    return [radius * np.array([math.cos(t), math.sin(t), 0.0]) for t in angles]
-
-
 def test_architecturally_singular_platforms() -> None:
     """Joints on two regular hexagons: six inputs, rank 5 in every posture (Ma and Angeles 1991)."""
-    m = stewart(regular_hexagon(0.3), regular_hexagon(0.2))
+    m = cc.load("gough_stewart", variant="hexagons", home="0.03 -0.02 0.5 0.05 -0.1 0.08 1")
     generic = generic_ranks(m, m.outputs())
     assert generic.architecturally_singular
     assert (generic.motions, generic.inputs.value, generic.together.value) == (6, 5, 6)
@@ -242,7 +235,7 @@ def test_architecturally_singular_platforms() -> None:
         found = cc.classify(m, q)
         assert found.kinds == {"direct"}
         assert "Architecturally singular" in found.text
-    well = stewart(hexagon(0.3, 0.2), hexagon(0.2, 0.9))
+    well = cc.load("gough_stewart")
     assert not generic_ranks(well, well.outputs()).architecturally_singular
     assert cc.mobility(well).undriven == 0
 

@@ -169,7 +169,7 @@ def test_greedy_search_says_so_and_is_an_upper_bound(
     assert sum(abs(c.constraint_degree) for c in found.open_chains) >= total
 
 
-@pytest.mark.parametrize("name", cc.robots())
+@pytest.mark.parametrize("name", cc.robots("papers"))
 def test_every_robot_adds_up(name: str) -> None:
     m = cc.load(name)
     for parallelograms in (True, False):

@@ -4,12 +4,14 @@ import json
 import math
 import re
 import signal
+import socket
 import subprocess
 import sys
 import urllib.request
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner, Result
 
@@ -202,18 +204,22 @@ def test_urdf_is_the_text_that_errors_count_lines_of(d1: cc.Mechanism) -> None:
 
 def test_view_writes_a_page(tmp_path: Path, slider: Path) -> None:
     page = tmp_path / "d1.html"
-    assert good("view", "d1", "q1=0.5", "--html", str(page)) == f"{page}\n"
+    assert good("view", "d1", "q1=0.5", "--no-modes", "--html", str(page)) == f"{page}\n"
     text = page.read_text()
     (data,) = re.findall(r'id="instrument">(.*?)</script>', text, re.S)
     first = int(cc.load("d1").input_q[0])
     assert json.loads(data)["start"][first] == 0.5
-    good("view", str(slider), "--up", "y", "--html", str(tmp_path / "slider.html"))
+    words = ["view", str(slider), "--up", "y", "--no-modes"]
+    good(*words, "--html", str(tmp_path / "slider.html"))
     assert "no visuals" in (tmp_path / "slider.html").read_text()
 
 
 def test_view_serves_until_interrupted() -> None:
     with subprocess.Popen(
-        [*COMMAND, "view", "d1"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        [*COMMAND, "view", "d1", "--no-modes"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
     ) as process:
         try:
             assert process.stdout is not None
@@ -226,6 +232,35 @@ def test_view_serves_until_interrupted() -> None:
             process.kill()
     assert process.returncode == 0
     assert errors == ""
+
+
+def test_view_offers_the_assembly_modes(tmp_path: Path) -> None:
+    page = tmp_path / "delta.html"
+    done = run("view", "linear_delta", "q1=-0.2", "--html", str(page))
+    assert done.exit_code == 0, done.stderr
+    assert done.stdout == f"{page}\n"
+    assert "searching the other assembly modes" in done.stderr
+    (data,) = re.findall(r'id="instrument">(.*?)</script>', page.read_text(), re.S)
+    modes = json.loads(data)["modes"]
+    assert len(modes) == 2
+    m = cc.load("linear_delta")
+    for mode in modes:
+        q = np.array(mode["posture"])
+        assert np.abs(cc.residual(m, q)).max() < 1e-12
+        assert m.input_values(q)[0] == -0.2
+
+
+def test_view_refuses_a_taken_port() -> None:
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        done = run("view", "d1", "--no-modes", "--port", str(port))
+    assert done.exit_code == 1
+    assert done.stdout == ""
+    assert f"port {port} cannot be served at" in done.stderr
+    assert "choose another with --port" in done.stderr
+    assert done.stderr.count("\n") == 1
 
 
 BAD = {
@@ -319,5 +354,8 @@ def test_output_to_a_file_is_plain_and_whole(monkeypatch: pytest.MonkeyPatch) ->
     done = subprocess.run([*COMMAND, "list"], capture_output=True, text=True, check=True)
     assert "\x1b" not in done.stdout
     assert "…" not in done.stdout
-    assert len(done.stdout.splitlines()) == 2 + len(cc.robots())
+    lines = done.stdout.splitlines()
+    assert {line.split()[0] for line in lines if line} >= set(cc.robots())
+    classics = lines[lines.index("") + 1 :]
+    assert max(map(len, classics)) <= 80
     assert done.stderr == ""

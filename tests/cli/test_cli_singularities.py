@@ -220,3 +220,23 @@ def test_bad_words_give_one_line(what: str, tmp_path: Path) -> None:
 
 def test_a_file_for_a_folder() -> None:
     refused([*LINE, "--out", sys.executable], "File exists")
+
+
+def test_measures_of_forces_by_name(tmp_path: Path) -> None:
+    more = ["--measure", "isotropy", "--measure", "least_stiffness=1e5", "--kind", "direct"]
+    good(*LINE, *more, "--out", str(tmp_path))
+    with xr.open_datatree(tmp_path / "map.nc", engine="h5netcdf") as tree:
+        found = tree["q1"].to_dataset()
+        assert found["isotropy"].shape == (3,)
+        assert found["least_stiffness"].attrs["units"] == "N/m"
+    good("plot", str(tmp_path), "--measure", "isotropy", "--out", str(tmp_path / "one.png"))
+    for wrong, match in (
+        ("speed", "unknown measure"),
+        ("largest_compliance", "needs the stiffness"),
+        ("isotropy=2", "takes no numbers"),
+        ("least_stiffness=soft", "not a finite number"),
+    ):
+        done = run(*LINE, "--measure", wrong, "--out", str(tmp_path / "none"))
+        assert done.exit_code == 1
+        assert match in done.stderr
+        assert len(done.stderr.strip().splitlines()) == 1

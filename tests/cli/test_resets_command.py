@@ -48,6 +48,7 @@ def test_wrong_words_are_one_line(tmp_path: Path) -> None:
         ["--out", good, "--over", "nobody"],
         ["--out", good, "--mode", "nobody"],
         ["--out", good, "--qpos", "nobody"],
+        ["--out", good, "--qpos", "nofile.xml"],
         ["--out", good, "--speed", "-1"],
     ):
         done = run("-n", "5", *words)

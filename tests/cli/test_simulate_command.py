@@ -32,7 +32,7 @@ def test_a_delta_falls(tmp_path: Path) -> None:
 
 def test_held_it_stays_where_it_is(tmp_path: Path) -> None:
     words = ["linear_delta", "--density", "2700", "--until", "0.1", "--out", str(tmp_path)]
-    done = run(*words, "--hold")
+    done = run(*words, "--hold", "--payload", "P=2", "--wrench", "3 -2 0 0 0 0")
     assert done.exit_code == 0, done.stderr
     found = xr.open_dataset(tmp_path / "motion.nc", engine="h5netcdf")
     assert_close(found["q"].values[-1], found["q"].values[0], 1e-9)
@@ -54,6 +54,8 @@ def test_wrong_words_are_one_line(tmp_path: Path) -> None:
         ["linear_delta", "--density", "2700", "--until", "0", *out],
         ["linear_delta", "--density", "2700", "--effort", "nobody=1", *out],
         ["linear_delta", "--density", "2700", "--every", "9", *out],
+        ["linear_delta", "--payload", "nobody=1", *out],
+        ["linear_delta", "--wrench", "1 2", *out],
     ):
         done = run(*words)
         assert done.exit_code == 1, words

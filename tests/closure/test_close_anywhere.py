@@ -45,7 +45,7 @@ def test_all_of_d1s_assemblies_close_with_bodies_placed_and_inputs_held(
             assert_close(d1.pose(s.q, body).homogeneous, pose.homogeneous, 1e-12, body)
 
 
-@pytest.mark.parametrize("robot", cc.robots())
+@pytest.mark.parametrize("robot", cc.robots("papers"))
 @pytest.mark.parametrize("start", ["home", "anywhere"])
 def test_joints_held_and_bodies_placed_as_in_a_closed_posture_close(
     robot: str, start: str, tol: Tolerances
@@ -62,7 +62,7 @@ def test_joints_held_and_bodies_placed_as_in_a_closed_posture_close(
         check_solution(m, cc.close(m, guess, fixed=fixed, place=place), tol)
 
 
-@pytest.mark.parametrize("robot", cc.robots())
+@pytest.mark.parametrize("robot", cc.robots("papers"))
 def test_a_closed_guess_is_not_spoilt(robot: str, tol: Tolerances) -> None:
     """Closed to some 5e-13, with what is held: the answer is no worse, and beside the guess."""
     m = cc.load(robot)

@@ -213,6 +213,21 @@ def test_sanitizers_find_nothing(tmp_path: Path) -> None:
 
 
 @needs_cc
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["gough_stewart", "three_rrr"])  # without and with redundant rows
+def test_a_robot_tests_itself_under_sanitizers(name: str, tmp_path: Path) -> None:
+    written(tmp_path, cc.export_code(cc.load(name), "c", name="robot"))
+    checked = "-O0 -fsanitize=address,undefined -fno-sanitize-recover=all"
+    both = [tmp_path / "robot.c", tmp_path / "robot_test.c"]
+    program = compile_c(tmp_path, both, checked, "test")
+    done = subprocess.run([program], capture_output=True, text=True, timeout=60)
+    assert (done.returncode, done.stderr) == (0, "")
+    told = re.fullmatch(r"robot: 0 failed, largest difference (\S+)\n", done.stdout)
+    assert told is not None
+    assert float(told[1]) < AGREE
+
+
+@needs_cc
 def test_other_bounds_of_the_work_may_be_compiled_in(tmp_path: Path) -> None:
     robot = Library.of(four_bar(), tmp_path, "-O1 -DROBOT_MOST_STEPS=2")
     assert robot.solve("direct", np.array([1.6]))[0] == Ending.BUDGET.code

@@ -42,7 +42,7 @@ def away(m: cc.Mechanism) -> np.ndarray:
     return closed(m, 1, 3, 0.05)[0]
 
 
-@pytest.mark.parametrize("robot", cc.robots())
+@pytest.mark.parametrize("robot", cc.robots("papers"))
 @pytest.mark.parametrize("tip", [False, True], ids=["inputs", "tip"])
 def test_solve_follows_the_branch(robot: str, tip: bool, tol: Tolerances) -> None:
     m = cc.load(robot)
@@ -87,7 +87,7 @@ def status_of(codes: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("robot", cc.robots())
+@pytest.mark.parametrize("robot", cc.robots("papers"))
 @pytest.mark.parametrize("tip", [False, True], ids=["inputs", "tip"])
 def test_spread_reaches_what_a_walk_reaches(robot: str, tip: bool, tol: Tolerances) -> None:
     m = cc.load(robot)

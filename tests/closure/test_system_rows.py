@@ -77,7 +77,7 @@ def weld(m: cc.Mechanism, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.concatenate([gap.translation, gibbs]), rows
 
 
-@pytest.mark.parametrize("robot", cc.robots())
+@pytest.mark.parametrize("robot", cc.robots("papers"))
 def test_rows_of_the_robots(robot: str, tol: Tolerances) -> None:
     m = cc.load(robot)
     check(m, np.vstack([m.home[None], anywhere(m, 50)]), tol.closure)

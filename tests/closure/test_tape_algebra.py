@@ -145,7 +145,7 @@ def test_the_smallest_eigenvalue_keeps_its_digits() -> None:
     assert abs(float(p2 / slope)) < 1e-12 * at
 
 
-@pytest.mark.parametrize("robot", cc.robots())
+@pytest.mark.parametrize("robot", cc.robots("papers"))
 def test_tapes_agree_with_pinocchio(robot: str) -> None:
     m = cc.load(robot)
     verify(m, m.required_task().outputs)

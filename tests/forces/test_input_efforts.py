@@ -17,7 +17,7 @@ from linkages import J, four_bar, load, spinning_rod
 PUSH = np.array([3.0, -2.0, 5.0, 0.4, -0.3, 0.2])
 
 
-@pytest.mark.parametrize("name", cc.robots())
+@pytest.mark.parametrize("name", cc.robots("papers"))
 def test_they_are_those_of_statics(name: str) -> None:
     m = weighed(cc.load(name))
     q = cc.resets(m, 20, seed=2).q

@@ -154,3 +154,43 @@ def test_mujoco_finds_the_loops_closed(d1: cc.Mechanism, states: cc.Resets) -> N
         assert data.nefc >= d1.rows
         assert np.abs(data.efc_pos[: d1.rows]).max() < 1e-9
         assert np.abs(data.efc_vel[: d1.rows]).max() < 1e-9
+
+
+HANGING = """<mujoco model="hanging"><worldbody>
+  <body name="a" pos="0 0 1"><joint name="first" axis="0 1 0" ref="0.3"/>
+    <geom type="capsule" size="0.01 0.1"/>
+    <body name="rod" pos="0.2 0 0"><joint name="ball" type="ball"/>
+      <geom type="capsule" fromto="0 0 0 0 0 -0.3" size="0.01"/><site name="end" pos="0 0 -0.3"/>
+    </body></body>
+  <body name="b" pos="0.3 0.1 0.8"><joint name="slide" type="slide" axis="0 0 1"/>
+    <joint name="turn" axis="0 0 1"/><joint name="lean" axis="1 0 0"/>
+    <joint name="tilt" axis="0 1 0"/><geom type="sphere" size="0.02"/>
+    <site name="on_b" pos="-0.1 -0.1 -0.1"/></body>
+</worldbody><equality><weld site1="end" site2="on_b"/></equality></mujoco>"""
+
+
+def test_order_and_balls_of_an_mjcf_file(tmp_path: Path) -> None:
+    """A ball in the tree, a reference value: MuJoCo finds the loop closed at qpos and qvel."""
+    mujoco = pytest.importorskip("mujoco")
+    from closedchain.urdf.formats.mjcf.joint_order import joint_order
+
+    file = tmp_path / "hanging.xml"
+    file.write_text(HANGING)
+    m = cc.load_file(file)
+    r = cc.resets(m, 20, seed=1)
+    order = joint_order(file)
+    assert order == ("first", "ball", "slide", "turn", "lean", "tilt")
+    qpos, qvel = r.arranged(order)
+    assert qpos.shape == (20, 9)
+    assert qvel.shape == (20, 8)
+    assert_close(r.arranged()[0], qpos, 0.0)  # the tree has its order
+    model = mujoco.MjModel.from_xml_string(HANGING)
+    data = mujoco.MjData(model)
+    for k in range(20):
+        data.qpos[:], data.qvel[:] = qpos[k], qvel[k]
+        mujoco.mj_forward(model, data)
+        assert np.abs(data.efc_pos[:6]).max() < 1e-9
+        assert np.abs(data.efc_vel[:6]).max() < 1e-9
+    file.write_text(HANGING.replace(' name="slide"', ""))
+    with pytest.raises(cc.DescriptionError, match="no name"):
+        joint_order(file)

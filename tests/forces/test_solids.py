@@ -55,7 +55,7 @@ def test_a_turned_box_and_a_ball_beside_it() -> None:
     assert inertial_of([Shape("mesh", (1.0, 1.0, 1.0))], 1000.0) is None
 
 
-@pytest.mark.parametrize("name", cc.robots())
+@pytest.mark.parametrize("name", cc.robots("papers"))
 def test_robots_get_masses_and_nothing_else(name: str) -> None:
     """By the parameter ``density``, and the same by ``with_inertias`` of a robot without masses."""
     m = cc.load(name)

@@ -76,6 +76,38 @@ def test_virtual_work_of_every_closed_motion(robot: cc.Mechanism) -> None:
         assert abs(s.inputs[i] - slope) < 1e-6 * max(1.0, abs(slope))
 
 
+@pytest.mark.parametrize("name", [*cc.robots(), "delia"])
+def test_both_ways_agree_wherever_the_branch_leads(name: str) -> None:
+    """Free bodies and virtual work at random postures, as a share of the largest wrench."""
+    m = cc.load(name)
+    for q in cc.resets(m, 4, seed=4, speed=0.0).q:
+        s = cc.statics(m, q, PUSH)
+        assert s.carried, s.text
+        largest = max(np.abs(wrench).max() for wrench in s.joints.values())
+        assert unbalanced(m, q, dict(s.joints), {m.task.tip: PUSH}, FALL) < 1e-12 * largest
+        efforts = cc.statics(m, q, PUSH, gravity=False).inputs
+        expected = -cc.velocity(m, q, "x y z rx ry rz").twist_map.T @ PUSH
+        assert_close(efforts, expected, 1e-12 * np.abs(expected).max())
+
+
+def test_near_a_singularity_wrenches_grow_and_balance() -> None:
+    """Crank and coupler almost in line, the motor at the rocker: efforts go with 1 / angle."""
+    m = weighed(four_bar({"q1": "D"}), seed=4)
+    d = np.pi - np.arccos((0.4**2 + 0.3**2 - 0.5**2) / (2 * 0.4 * 0.3))
+    a = np.arctan2(0.3 * np.sin(d), 0.4 + 0.3 * np.cos(d))
+    push, fall = np.array([3.0, -2.0, 0.0, 0.0, 0.0, 0.2]), np.array([0.0, -9.81, 0.0])
+    efforts = []
+    for gap in (1e-3, 1e-5, 1e-7, 1e-9):
+        q = cc.close(m, [a + gap, -2 * gap, d], fixed={"A": a + gap}).raise_if_failed().q
+        s = cc.statics(m, q, {"coupler": push}, gravity=fall)
+        assert s.carried == (gap > 1e-8)  # closer by, the posture counts as singular
+        largest = max(np.abs(wrench).max() for wrench in s.joints.values())
+        if s.carried:
+            assert unbalanced(m, q, dict(s.joints), {"coupler": push}, fall) < 1e-12 * largest
+            efforts.append(s.inputs[0] * gap)
+    assert abs(efforts[1] / efforts[2] - 1.0) < 1e-3
+
+
 def test_passive_joints_do_no_work(robot: cc.Mechanism) -> None:
     q = moved(robot)
     s = cc.statics(robot, q, PUSH)

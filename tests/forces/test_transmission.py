@@ -166,7 +166,9 @@ def test_table(both: cc.Transmission, tmp_path: Path) -> None:
         efforts=[2.0, 3.0], speeds=[1.0, 1.0],
     )  # fmt: skip
     assert dict(found.sizes) == {"pitch": 3, "roll": 9, "motors": 2, "joints": 2,
-                                 "joints_2": 2, "side": 2}  # fmt: skip
+                                 "joints_2": 2, "side": 2, "corner": 4}  # fmt: skip
+    at = [float(found["pitch"][0]), float(found["roll"][4])]
+    assert_close(found["effort_corners"].values[0, 4], both.effort_corners(at, [2.0, 3.0]), 1e-9)
     assert bool(found["reached"][1, 4])
     assert not found["reached"].all()
     assert np.isnan(found["motor"].values[~found["reached"].values]).all()

@@ -31,7 +31,7 @@ def home_values(m: cc.Mechanism) -> dict[str, np.ndarray]:
 
 
 @pytest.mark.parametrize("form", FORMATS)
-@pytest.mark.parametrize("name", cc.robots())
+@pytest.mark.parametrize("name", cc.robots("papers"))
 def test_every_robot(name: str, form: str, tmp_path: Path) -> None:
     m = cc.load(name)
     again, losses = out_and_in(m, form, tmp_path)

@@ -1,10 +1,11 @@
 """Reading the viewer's pages: Meshcat's commands, the motion, and what a browser shows."""
 
 import base64
+import gzip
 import hashlib
 import json
 import re
-import shutil
+import struct
 import subprocess
 from pathlib import Path
 from typing import Any
@@ -12,10 +13,8 @@ from typing import Any
 import numpy as np
 import pytest
 import umsgpack
+from browser import CHROMIUM
 
-CHROMIUM = next(
-    filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None
-)
 SLIDER = """<robot name="slider">
   <link name="base"/><link name="carriage"/><link name="arm"/><link name="end"/>
   <joint name="s" type="prismatic"><parent link="base"/><child link="carriage"/>
@@ -32,11 +31,32 @@ SQUARE = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
 HALVES = np.array([[0, 1, 2], [0, 2, 3]])
 
 
+def unpacked(page: str, kind: str) -> list[bytes]:
+    """What is gzipped in a page: its data, or its scripts in their order."""
+    found = re.findall(rf'<script [^>]*data-packed="{kind}"[^>]*>([A-Za-z0-9+/=]+)</script>', page)
+    return [gzip.decompress(base64.b64decode(text)) for text in found]
+
+
+def scripts(page: str) -> list[str]:
+    """Every script that a page runs: the packed ones, and the one that unpacks them."""
+    (loader,) = re.findall(r"<script>(.*?)</script>", page, re.S)
+    return [loader, *(text.decode() for text in unpacked(page, "script"))]
+
+
+def commands(page: str) -> list[bytes]:
+    """Meshcat's commands inside a page, packed."""
+    (data,) = unpacked(page, "data")
+    found, at = [], 0
+    while at < len(data):
+        (size,) = struct.unpack_from("<I", data, at)
+        found.append(data[at + 4 : at + 4 + size])
+        at += 4 + size
+    return found
+
+
 def drawn(page: str) -> list[dict[str, Any]]:
     """Meshcat's commands inside a page."""
-    block = page[page.index("for (const command of [") :]
-    coded = re.findall(r'^"([A-Za-z0-9+/=]+)",?$', block, re.M)
-    return [umsgpack.unpackb(base64.b64decode(text)) for text in coded]
+    return [umsgpack.unpackb(command) for command in commands(page)]
 
 
 def transforms(page: str) -> dict[str, np.ndarray]:

@@ -1,16 +1,16 @@
 """Pages made from descriptions of strangers: text stays text, and nothing is loaded or told."""
 
 import base64
-import hashlib
 import html
 import re
 import threading
+from hashlib import sha256
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 
 import numpy as np
 import pytest
-from page_reading import browse, drawn, transforms
+from page_reading import browse, drawn, scripts, transforms
 
 import closedchain as cc
 from closedchain.robots.viewer import (
@@ -70,12 +70,13 @@ def named_page(name: str, visual: str = "") -> str:
 def test_names_beside_sliders_are_text(name: str) -> None:
     page = static_page(cc.load_urdf(crank(name)), controls=True)
     outside = re.sub(r"(<script[^>]*>)(.*?)</script>", r"\1</script>", page, flags=re.S)
-    assert outside.count("<script") == 4  # library, drawing, data, the robot's module
+    # drawing, library, scene, the robot's module with its instrument; data; what unpacks them
+    assert outside.count("<script") == 6
     for mark in ("<!--", "<img", 'onerror="', 'onload="'):
         assert mark not in outside
-    (module,) = re.findall(r'<script type="module">(.*?)</script>', page, re.S)
-    digest = base64.b64encode(hashlib.sha256(module.encode()).digest()).decode()
-    assert f"'sha256-{digest}'" in page
+    data = re.findall(r'<script type="application/json" id="instrument">(.*?)</script>', page, re.S)
+    assert len(data) == 1
+    assert "<" not in data[0]
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -83,14 +84,14 @@ def test_names_are_text(name: str) -> None:
     page = named_page(name)
     # with our scripts taken out, no markup is left that we did not write
     outside = re.sub(r"(<script[^>]*>)(.*?)</script>", r"\1</script>", page, flags=re.S)
-    assert outside.count("<script") == 5  # library, drawing, labels, motion, player
+    # drawing, library, scene, labels, player; texts, motion; what unpacks them
+    assert outside.count("<script") == 8
     for mark in ("<!--", "<img", 'onerror="', 'onload="'):
         assert mark not in outside
-    data = re.findall(r'<script type="application/json" id="motion">(.*?)</script>', page, re.S)
-    assert len(data) == 1
-    assert "<" not in data[0]
-    labels = page[page.index("const texts = ") : page.index("const drawScene")]
-    assert "<" not in labels.split(".map(")[0]
+    for name_of in ("motion", "texts"):
+        data = re.findall(rf'<script type="application/json" id="{name_of}">(.*?)</script>', page)
+        assert len(data) == 1
+        assert "<" not in data[0]
 
 
 def test_the_policy_names_the_scripts_of_the_page_and_nothing_else() -> None:
@@ -99,10 +100,10 @@ def test_the_policy_names_the_scripts_of_the_page_and_nothing_else() -> None:
     assert found is not None
     assert page.index(found[0]) < page.index("<script")
     rules = dict(rule.strip().split(" ", 1) for rule in found[1].split(";"))
-    scripts = re.findall(r"<script>(.*?)</script>", page, re.S)
-    digests = [base64.b64encode(hashlib.sha256(s.encode()).digest()).decode() for s in scripts]
+    found_scripts = scripts(page)
+    digests = [base64.b64encode(sha256(s.encode()).digest()).decode() for s in found_scripts]
     assert rules["script-src"].split() == [f"'sha256-{digest}'" for digest in digests]
-    assert len(digests) == 4
+    assert len(digests) == 5
     assert rules["default-src"] == "'none'"  # so also no connections, frames, fonts, objects
     assert rules["img-src"] == "data: blob:"
     assert "http" not in found[1]
@@ -161,9 +162,9 @@ def test_colours_that_are_none_are_left_out_of_the_legend() -> None:
 def test_a_browser_plays_a_page_of_such_names(name: str, tmp_path: Path) -> None:
     text = browse(named_page(name), tmp_path, "--dump-dom", mark="#t=0.25")
     assert ">0.250 s</output>" in text  # the player has started
-    assert text.count("<td>0.2500</td>") == 2
+    assert text.count("<output>0.2500</output>") == 2
     shown = html.escape(name, quote=False)
-    assert re.search(r'<span class="name" style="left: [\d.]+vw; top: [\d.]+vh;">', text)
+    assert re.search(r'<span class="name" style="left: [\d.]+px; top: [\d.]+px;">', text)
     assert text.count(f">{shown} [{shown}]</span>") == 3  # and so have the labels
     assert f"<title>{shown}</title>" in text
 

@@ -1,6 +1,4 @@
-import base64
 import re
-import shutil
 import subprocess
 import urllib.error
 import urllib.request
@@ -8,14 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from browser import CHROMIUM
+from page_reading import commands
 
 import closedchain as cc
 from closedchain.robots import robot
 from closedchain.robots.viewer import Animation, Markers, serve, static_page
 
-CHROMIUM = next(
-    filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None
-)
 STICKS = """<robot name="&lt;two bars&gt;">
   <link name="base"/><link name="one"/><link name="two"/>
   <joint name="a" type="revolute"><parent link="base"/><child link="one"/>
@@ -27,12 +24,6 @@ STICKS = """<robot name="&lt;two bars&gt;">
     <child link="two"/><child_origin xyz="1 0 0"/><child_axis xyz="0 0 1"/></constraint>
   <group_state name="home"><joint name="a" value="0.7"/><joint name="b" value="-1.6"/></group_state>
 </robot>"""
-
-
-def commands(page: str) -> list[bytes]:
-    """Drawing commands inside a page."""
-    block = page[page.index("for (const command of [") :]
-    return [base64.b64decode(text) for text in re.findall(r'^"([A-Za-z0-9+/=]+)",?$', block, re.M)]
 
 
 def drawn(page: str) -> str:

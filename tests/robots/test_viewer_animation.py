@@ -98,10 +98,13 @@ def test_readouts_hold_the_numbers_shown(
         ),
     )
     assert np.allclose(motion(page)["readouts"][0], np.cos(times), atol=1e-6)
-    assert "<th>σ &amp; co</th><td></td><td>1</td>" in page
+    assert "<b>σ &amp; co</b><output></output><span>1</span>" in page
     curve = re.findall(r'polyline points="([^"]*)"', page)[0]
     ends = [tuple(map(float, spot.split(","))) for spot in (curve.split()[0], curve.split()[-1])]
-    assert ends == [(0.0, 2.0), (120.0, 22.0)]
+    assert ends == [(46.0, 2.0), (266.0, 32.0)]
+    numbers = re.findall(r"<text [^>]*>([^<]*)</text>", page)
+    assert numbers[:4] == ["1", "-0.416", "0", "2 s"]  # greatest, least, begin and end
+    assert numbers[4:] == ["0", "0", "2 s"]
     rows = input_readouts(d1, d1.home[None])
     assert [(r.name, r.unit) for r in rows] == [(f"q{i}", "m") for i in range(1, 7)]
     assert np.allclose([r.values[0] for r in rows], d1.input_values(d1.home))
@@ -192,7 +195,7 @@ def test_page_refuses_what_it_cannot_draw(
 REPORT = """<script>
 const report = document.body.appendChild(document.createElement("pre"));
 report.id = "report";
-window.addEventListener("load", () => setTimeout(() => {
+window.addEventListener("shown", () => setTimeout(() => {
   const place = path => {
     const node = viewer.scene_tree.find(path.split("/").filter(x => x)).object;
     node.updateMatrix();
@@ -220,7 +223,7 @@ def test_player_shows_the_asked_time_with_stretched_sticks(
     text = browse(with_probe(page, probe), tmp_path, "--dump-dom", mark="#t=1.275")
     assert ">1.275 s</output>" in text
     assert ">play</button>" in text  # it stands
-    assert "<td>1.626</td>" in text  # halfway between 1.25² and 1.3²
+    assert "<output>1.626</output>" in text  # halfway between 1.25² and 1.3²
     found = re.search(r'<pre id="report">(.*?)</pre>', text)
     assert found is not None
     placed = {path: np.reshape(matrix, (4, 4)).T for path, matrix in json.loads(found[1])}

@@ -10,8 +10,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from closedchain.analysis.figures.saving import save_figure, words_of
+from closedchain.analysis.figures.strokes import COLOURS, DASHES
 from closedchain.analysis.motion.follow.result import Follow
 from closedchain.urdf.errors import ClosureError
+from closedchain.urdf.extras import require
 
 if TYPE_CHECKING:
     import os
@@ -20,9 +23,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 DPI = 130
-# Okabe and Ito's palette, told apart with any colour vision; without its yellow, faint on white
-COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
-DASHES = ("-", "--", "-.", ":", (0, (5, 1, 1, 1, 1, 1)), (0, (8, 2)), (0, (3, 1)))
 GREY = "#666666"
 _STILL = 1e-9  # m or rad: inputs that move less are drawn at rest
 
@@ -63,6 +63,7 @@ def draw_follow(
     OSError
         The image cannot be written.
     """
+    require("figures are drawn with matplotlib", "figures")
     from matplotlib.figure import Figure
 
     m, others = run.problem.mechanism, _drawable(run, others)
@@ -100,7 +101,7 @@ def draw_follow(
     _frame(axes, run)
     figure.suptitle(_heading(run, title))
     if path is not None:
-        figure.savefig(path, dpi=dpi)
+        save_figure(figure, path, words_of(figure), dpi)
     return figure
 
 
@@ -117,6 +118,7 @@ def draw_inputs(
 
     Parameters and errors are those of ``draw_follow``.
     """
+    require("figures are drawn with matplotlib", "figures")
     from matplotlib.figure import Figure
 
     m, others = run.problem.mechanism, _drawable(run, others)
@@ -142,7 +144,7 @@ def draw_inputs(
         figure.legend(*entries, loc="outside lower center", ncols=6, frameon=False, fontsize=9)
     figure.suptitle(_heading(run, title))
     if path is not None:
-        figure.savefig(path, dpi=dpi)
+        save_figure(figure, path, words_of(figure), dpi)
     return figure
 
 

@@ -18,6 +18,7 @@ from closedchain.analysis.structure.mobility import generic_rank
 from closedchain.closure.solve.outcome import Ending
 from closedchain.closure.task import goal, goal_rows
 from closedchain.urdf.errors import ClosureError
+from closedchain.urdf.extras import require
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -114,6 +115,7 @@ class Follow:
 
     def to_dataset(self) -> xr.Dataset:
         """Everything over time as an ``xarray.Dataset`` with units."""
+        require("a dataset is made with xarray", "maps")
         import xarray as xr
 
         m = self.problem.mechanism

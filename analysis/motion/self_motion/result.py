@@ -13,6 +13,7 @@ from closedchain.analysis.structure.driving import dependence
 from closedchain.closure.generic import generic_ranks
 from closedchain.closure.mechanism import Mechanism
 from closedchain.closure.solve.outcome import Ending
+from closedchain.urdf.extras import require
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -35,6 +36,13 @@ class End:
     text : str
     ending : Ending
         What kind of end it was for the tracer.
+
+    Examples
+    --------
+    >>> m = cc.load("d1")
+    >>> down = cc.self_motion(m, m.home, "x y z rx rz").ends[1]
+    >>> down.how, down.joint
+    ('joint limit', 'q1')
     """
 
     how: str
@@ -171,6 +179,7 @@ class SelfMotion:
 
     def to_dataset(self) -> xr.Dataset:
         """The postures and their measures over the arclength as an ``xarray.Dataset``."""
+        require("a dataset is made with xarray", "maps")
         import xarray as xr
 
         m = self.mechanism

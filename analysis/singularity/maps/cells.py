@@ -154,10 +154,12 @@ class Cells:
         status, values = block.status, block.values
         targets = self.chart.targets(values.reshape(-1, values.shape[-1]))
         targets = targets.reshape(*status.shape, -1)
-        filled = Block(self.problem, targets, status == UNSEEN, block.q)
+        # the branch may lead to a cell beyond a limit by one way, and within limits by another
+        unseen = (status == UNSEEN) | ((label == OK) & (status == JOINT_LIMIT))
+        filled = Block(self.problem, targets, unseen, block.q)
         through = label == BEHIND_LIMIT
         flooded = flood(filled, seeds, signals.note, through=through)
-        codes, unseen = flooded.codes, status == UNSEEN
+        codes = flooded.codes
         status[unseen & (codes == ARRIVED)] = label
         if label != OTHER_BRANCH:
             status[unseen & (codes == LIMIT)] = JOINT_LIMIT if label == OK else label

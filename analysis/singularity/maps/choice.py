@@ -9,6 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
+from closedchain.analysis.forces.tip_measures import NAMED
 from closedchain.analysis.singularity.maps.measures import oriented
 from closedchain.analysis.singularity.measures_table import (
     MEASURES,
@@ -87,7 +88,8 @@ def chosen(
     """Check a choice of measures.
 
     ``wanted``: None for all of the table; a mapping of name to function for these besides; or a
-    sequence of names of the table and such mappings, for nothing else. ``taken`` are the names of
+    sequence of names of the table or of ``forces.tip_measures`` and such mappings, for nothing
+    else. ``taken`` are the names of
     coordinates.
 
     Raises
@@ -109,10 +111,14 @@ def chosen(
             for name, function in part.items():
                 _check(str(name), function, (*MEASURES, *OWN, *taken, *functions))
                 functions[str(name)] = function
-        elif part not in table:
-            raise ClosureError(known_names(str(part), f"measure of {mechanism.name!r}", table))
-        else:
+        elif part in table:
             names.append(part)
+        elif part in NAMED:
+            _check(part, NAMED[part], (*functions, *taken))
+            functions[part] = NAMED[part]
+        else:
+            every = (*table, *NAMED)
+            raise ClosureError(known_names(str(part), f"measure of {mechanism.name!r}", every))
     kept = tuple(name for name in table if name in names)
     return Choice(outputs, kept, functions, whole=kept == table)
 

@@ -53,6 +53,8 @@ class Grid:
         Closed posture whose branch is followed.
     chart : Chart
         What the coordinates mean, and what is held.
+    mode : str
+        Named posture that the branch was asked for by; empty where there was none.
     """
 
     names: tuple[str, ...]
@@ -60,6 +62,7 @@ class Grid:
     base: np.ndarray
     start: np.ndarray
     chart: Chart
+    mode: str = ""
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -133,7 +136,8 @@ def grid_of(
         chart = chart_of(mechanism, names, at, outputs, start=start)
     for name, axis in zip(names, values, strict=True):
         _check_limits(chart, name, axis)
-    return Grid(names, values, chart.start[mechanism.input_q], chart.start, chart)
+    inputs = chart.start[mechanism.input_q]
+    return Grid(names, values, inputs, chart.start, chart, "" if mode is None else mode)
 
 
 def _posture(mechanism: Mechanism, mode: str) -> np.ndarray:

@@ -13,6 +13,7 @@ from closedchain.analysis.singularity.maps.choice import Choice
 from closedchain.analysis.singularity.maps.grid import STATUSES, Grid
 from closedchain.analysis.singularity.maps.rounds import lattice_of
 from closedchain.closure.chart import TILTS, Chart
+from closedchain.closure.mechanism import Mechanism
 from closedchain.urdf.description import OUTPUTS
 
 if TYPE_CHECKING:
@@ -85,6 +86,14 @@ def coordinate_labels(chart: Chart, name: str) -> dict[str, Any]:
     return {"units": chart.unit(name), "long_name": f"tip {name}"}
 
 
+def _mode_at(mechanism: Mechanism, q: np.ndarray) -> str:
+    """ "mode NAME" of the named posture that this one is; empty where it is none."""
+    for name, posture in mechanism.postures.items():
+        if np.allclose(q, posture, rtol=0.0, atol=1e-9):
+            return f"mode {name}"
+    return ""
+
+
 def map_labels(grid: Grid, outputs: tuple[str, ...]) -> dict[str, Any]:
     """Attributes of a map: mechanism, outputs, what is held, parameters, versions."""
     import pinocchio as pin
@@ -104,7 +113,8 @@ def map_labels(grid: Grid, outputs: tuple[str, ...]) -> dict[str, Any]:
         **{f"held_{n}": chart.held[n] for n in sorted(chart.held, key=order.index)},
         **{f"held_{n}_units": chart.unit(n) for n in sorted(chart.held, key=order.index)},
         **{f"start_{name}": value for name, value in start.items()},
-        "start": "home" if at_home else "start",
+        "start": "home" if at_home else _mode_at(mechanism, chart.start) or "start",
+        "mode": grid.mode,
         "closedchain_version": closedchain.__version__,
         "pinocchio_version": pin.__version__,
         "numpy_version": np.__version__,

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from closedchain.analysis.singularity.maps.grid import Progress, grid_of
 from closedchain.analysis.singularity.maps.labels import labelled
 from closedchain.closure.mechanism import Mechanism
+from closedchain.urdf.extras import require
 
 if TYPE_CHECKING:
     import os
@@ -65,9 +66,10 @@ def singularity_map(
     chunk : int, or mapping of coordinate to int, optional
         Cells along each axis of the tiles into which the work is cut.
     measures : sequence of str, or mapping of name to function, optional
-        All measures by default. Names leave out the others. A mapping adds variables: functions of
-        the mechanism and postures (n, nq) that give a number for each, (n,). A sequence of names
-        and mappings gives these alone. Of a map that is saved, or made by Dask, functions must
+        All measures by default. Names leave out the others; efforts, speeds and the like of the
+        tip are asked for by name alone. A mapping adds variables: functions of the mechanism and
+        postures (n, nq) that give a number for each, (n,). A sequence of names and mappings gives
+        these alone. Of a map that is saved, or made by Dask, functions must
         pickle.
 
     Returns
@@ -94,6 +96,7 @@ def singularity_map(
     >>> dict(cells.sizes), bool((cells["status"] == 0).all())
     ({'x': 5, 'y': 5}, True)
     """
+    require("a map is an xarray dataset, stored by zarr", "maps")
     # not above: threads, JSON and the like would take a fifth of the time of ``import closedchain``
     from closedchain.analysis.progress import reporting
     from closedchain.analysis.singularity.maps.anchor import anchor_of

@@ -9,7 +9,7 @@ import numpy as np
 
 from closedchain.analysis.first_order import FirstOrder, first_order
 from closedchain.analysis.singularity.classify import determinants
-from closedchain.analysis.singularity.deciding import NEAR, Deciding
+from closedchain.analysis.singularity.deciding import Deciding
 from closedchain.analysis.singularity.kinds import KINDS as TABLE
 from closedchain.analysis.singularity.rank_loss import (
     closed_motions,
@@ -23,6 +23,7 @@ from closedchain.closure.chart import Chart
 from closedchain.closure.generic import GenericRanks, generic_ranks
 from closedchain.closure.joint_rates import physical_rates
 from closedchain.closure.mechanism import Mechanism
+from closedchain.closure.nearness import NEAR
 
 CHUNK = 1024  # postures whose matrices are held at once
 KINDS = tuple(TABLE)

@@ -19,6 +19,7 @@ import numpy as np
 from closedchain.analysis.singularity.maps.anchor import Anchor
 from closedchain.analysis.singularity.maps.grid import (
     BEHIND_LIMIT,
+    JOINT_LIMIT,
     OK,
     OTHER_BRANCH,
     UNSEEN,
@@ -86,6 +87,11 @@ def lattice_of(shape: Index) -> list[np.ndarray]:
 def _before(state: State) -> str | None:
     """Name of the round whose edges a round starts from."""
     return f"{state.stage}-{state.round - 1}" if state.round else None
+
+
+def _open(status: np.ndarray, stage: str) -> np.ndarray:
+    """Cells that a stage may reach: the branch also those that one way led to beyond a limit."""
+    return (status == UNSEEN) | ((status == JOINT_LIMIT) & (stage == "branch"))
 
 
 class _Run:
@@ -168,11 +174,11 @@ class _Run:
             seams = None
             if state.stage == "branch" and before is not None:
                 seams = self._seams(before, tile)
-            if not (status == UNSEEN).any() and state.round and seams is None:
+            if not _open(status, state.stage).any() and state.round and seams is None:
                 continue
             cells, q, lattice = nothing, np.zeros((0, self.job.grid.start.size)), nothing
             if before is not None:
-                cells, q = self._seeds(before, tile, status)
+                cells, q = self._seeds(before, tile, _open(status, state.stage))
                 if not len(cells) and seams is None:
                     continue
             elif state.stage == "branch":
@@ -191,10 +197,9 @@ class _Run:
         if kept is None:
             return np.zeros((0, status.ndim), dtype=int), np.zeros((0, self.job.grid.start.size))
         cells, q = kept
-        if stage == "others":
-            wanted = status[tuple((cells - self.tiles.origin(tile)).T)] == UNSEEN
-            cells, q = cells[wanted], q[wanted]
-        return cells, q
+        kept_as = UNSEEN if stage == "others" else JOINT_LIMIT
+        wanted = status[tuple((cells - self.tiles.origin(tile)).T)] == kept_as
+        return cells[wanted], q[wanted]
 
     def _seams(self, before: str, tile: Index) -> Seams | None:
         """Cells of this tile and of those before it that share a face and got solved at once."""
@@ -218,19 +223,19 @@ class _Run:
         cells, q = (np.array([edge[part][j] for _, j, edge in found]) for part in (0, 1))
         return cells, q, own[0][mine], own[1][mine]
 
-    def _seeds(self, before: str, tile: Index, status: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Solved cells of the last round beside unseen ones of a tile, with their postures."""
+    def _seeds(self, before: str, tile: Index, open_: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Solved cells of the last round beside open ones of a tile, with their postures."""
         edges = [self.journal.edge(before, beside) for beside in self.tiles.neighbours(tile)]
         kept = [edge for edge in edges if edge is not None and len(edge[0])]
         if not kept:
-            return np.zeros((0, status.ndim), dtype=int), np.zeros((0, 0))
+            return np.zeros((0, open_.ndim), dtype=int), np.zeros((0, 0))
         all_cells, all_q = (np.concatenate(part) for part in zip(*kept, strict=True))
         where = self.tiles.slices(tile)
         low, high = [s.start for s in where], [s.stop - 1 for s in where]
         # the cell of the tile that shares a face, for those that do
         within = np.clip(all_cells, low, high)
         wanted = self.tiles.beside(tile, all_cells)
-        wanted &= status[tuple((within - self.tiles.origin(tile)).T)] == UNSEEN
+        wanted &= open_[tuple((within - self.tiles.origin(tile)).T)]
         return all_cells[wanted], all_q[wanted]
 
     def _lattice(self, tile: Index) -> np.ndarray:

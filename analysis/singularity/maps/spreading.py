@@ -180,6 +180,7 @@ class _Block:
         job, label = self.job, self.task.label
         status = self.status[self.inner]
         new = (task_status := self.task.status) == UNSEEN
+        new |= (task_status == JOINT_LIMIT) & (label == OK)  # another way led within
         new &= status != task_status
         positions = np.flatnonzero(new)
         found = status.ravel()[positions]

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from closedchain.analysis.singularity.classify import SINGULAR, classify
-from closedchain.analysis.singularity.deciding import NEAR
 from closedchain.analysis.singularity.rank_loss import (
     ClosedMotions,
     closed_motions,
@@ -19,6 +18,7 @@ from closedchain.analysis.singularity.sets.postures_at import first_order_code
 from closedchain.analysis.structure.mobility import generic_rank
 from closedchain.closure.generic import generic_ranks
 from closedchain.closure.mechanism import Mechanism
+from closedchain.closure.nearness import NEAR
 
 CHUNK = 256  # postures whose matrices are held at once
 TRACED = 1e-12  # share of singular values that points on a traced set have

@@ -58,6 +58,17 @@ def _reached(system: Slice, lattice: Lattice, points: np.ndarray) -> np.ndarray:
     return out
 
 
+def turned_alike(system: Slice, lattice: Lattice, points: np.ndarray) -> np.ndarray:
+    """Points (n, nq + k) with joints as many turns round as at the nearest cells of the branch."""
+    if not len(points) or not len(lattice.cells):
+        return points
+    _, near = lattice.tree.query(system.coordinates(points) / lattice.cell)
+    cells = lattice.cells[near]
+    there = system.point(lattice.q[tuple(cells.T)], lattice.place(cells))
+    found = system.move(there, system.difference(there, points))
+    return np.concatenate([system.posture(found), system.coordinates(points)], axis=1)
+
+
 def met(system: Slice, branch: Sequence[Lattice], z: np.ndarray) -> bool:
     """Whether a way from a nearby cell of the branch ends in some solution above a point's place.
 

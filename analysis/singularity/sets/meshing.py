@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from closedchain.analysis.singularity.sets.edges import Edges
+from closedchain.urdf.extras import require
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,6 +25,7 @@ def mesh_of(inside: np.ndarray, known: np.ndarray, apart: np.ndarray) -> Mesh:
     Triangles in cubes with a corner that is not known are left out, and in those with an edge
     between two sheets: ``apart`` (nx, ny, nz, 3) of bool, from each cell to the next ones.
     """
+    require("surfaces are cut out of a grid with scikit-image", "maps")
     from skimage import measure
 
     if not (inside & known).any() or not (~inside & known).any():

@@ -15,12 +15,10 @@ import numpy as np
 import pinocchio as pin
 
 from closedchain.closure.mechanism import Mechanism
-from closedchain.closure.tape.derivative import gradient
-from closedchain.closure.tape.expression import Expr, total
 from closedchain.closure.tape.machine import Compiled, compiled
 from closedchain.closure.tape.rates import physical_rates
 from closedchain.closure.tape.rows import Entries, Kinematics, kinematics
-from closedchain.closure.tape.vectors import matvec, rotation, transposed
+from closedchain.closure.tape.slopes import slopes_of_product
 from closedchain.closure.tape.verified import verify
 from closedchain.urdf.description import OUTPUTS
 
@@ -104,15 +102,7 @@ class FirstOrderCode:
     @cached_property
     def _slopes(self) -> OnTape:
         k, rows, task = self._written()
-        g, nq, nv = k.graph, self.mechanism.model.nq, self.mechanism.model.nv
-        every = rows + task
-        left, right = g.inputs(nq, len(every)), g.inputs(nq + len(every), nv)
-        product = total(
-            weight * g.lift(total(entry * right[v] for v, entry in row.items()))
-            for weight, row in zip(left, every, strict=True)
-        )
-        by_q = gradient(g, g.lift(product), range(nq))
-        return OnTape(compiled(g.tape(along_motions(k, by_q), nq + len(every) + nv)))
+        return OnTape(compiled(slopes_of_product(k, rows + task)))
 
     def _written(self) -> tuple[Kinematics, list[Entries], list[Entries]]:
         k = kinematics(self.mechanism, upright=False)  # K is then the derivative of open rows, too
@@ -154,28 +144,6 @@ class _Alone(threading.local):
             begin = end
         self._call()
         return self._out.copy()
-
-
-def along_motions(k: Kinematics, by_q: list[Expr]) -> list[Expr]:
-    """Derivatives by dimensionless steps in Pinocchio's v, from those by the numbers of q."""
-    model, scale = k.mechanism.model, k.mechanism.column_scale
-    found: list[Expr] = []
-    for i in range(1, model.njoints):
-        iq = model.idx_qs[i]
-        if model.nvs[i] == 1:
-            found.append(float(scale[model.idx_vs[i]]) * by_q[iq])
-            continue
-        x, y, z, w = k.q[iq + 3 : iq + 7]
-        a, b, c, d = (0.5 * slope for slope in by_q[iq + 3 : iq + 7])
-        place = [k.mechanism.length * slope for slope in by_q[iq : iq + 3]]
-        found += matvec(transposed(rotation((x, y, z, w))), place)
-        # a turn r along the body's axes changes the quaternion by half its product with (r, 0)
-        found += [
-            w * a + z * b - y * c - x * d,
-            w * b + x * c - z * a - y * d,
-            w * c + y * a - x * b - z * d,
-        ]
-    return found
 
 
 _CODES: WeakKeyDictionary[Mechanism, dict[tuple[str, ...], FirstOrderCode]] = WeakKeyDictionary()

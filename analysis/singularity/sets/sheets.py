@@ -21,14 +21,14 @@ import numpy as np
 from closedchain.analysis.singularity.sets.cubes import Cubes, Edge, Face
 from closedchain.analysis.singularity.sets.edges import newton, singular_points
 from closedchain.analysis.singularity.sets.lattice import Lattice
-from closedchain.analysis.singularity.sets.membership import reached
+from closedchain.analysis.singularity.sets.membership import reached, turned_alike
 from closedchain.analysis.singularity.sets.slices import Slice
 from closedchain.closure.nearest import LIMIT_TOLERANCE
 from closedchain.closure.solve.solution_set import tangents
 from closedchain.closure.solve.square_systems import solutions
 
 ASTRAY = 0.35  # of a step: farther from where it was expected, a point may be another sheet's
-SAME = 1e-6  # dimensionless: points of one edge that are one
+SAME = 1e-5  # dimensionless: points of one edge that are one
 ALIKE = 0.8  # cosine between normals of neighbours on one sheet
 OTHERS = np.array([[1, 2], [0, 2], [0, 1]])  # axes beside one
 FARTHEST = 1e6  # m or rad: no unknown is larger
@@ -217,7 +217,8 @@ class Sheets:
 
     def on_branch(self, points: np.ndarray) -> np.ndarray:
         """Which points (n, nq + 3) the branch reaches within the joint limits, (n,) of bool."""
-        q, (lower, upper) = self.system.posture(points), self.system.mechanism.limits
+        lower, upper = self.system.mechanism.limits
+        q = self.system.posture(turned_alike(self.system, self.branch[0], points))
         within = ((q >= lower - LIMIT_TOLERANCE) & (q <= upper + LIMIT_TOLERANCE)).all(axis=1)
         return np.asarray(within & reached(self.system, self.branch, points))
 
@@ -337,9 +338,10 @@ class Sheets:
         """Lead walks on as tried, or make the next trial shorter."""
         starts = np.array([trial.z for trial in trials])
         points = self._solved(starts, [trial.free for trial in trials])
+        sizes = np.array([trial.size for trial in trials])
         there = np.flatnonzero(np.isfinite(points[:, 0]))
         gap = np.linalg.norm(self.system.difference(starts[there], points[there]), axis=1)
-        points[there[gap > ASTRAY * np.array([trials[i].size for i in there])]] = np.nan
+        points[there[gap > ASTRAY * sizes[there]]] = np.nan
         out = [i for i, trial in enumerate(trials) if trial.edge is not None]
         edges = [edge for trial in trials if (edge := trial.edge) is not None]
         for i, other in zip(out, self._enter(points[out], edges), strict=True):

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 
-from closedchain.analysis.singularity.sets.cubes import Cube
+from closedchain.analysis.singularity.sets.cubes import Cube, Face
 from closedchain.analysis.singularity.sets.edges import newton, singular_points
 from closedchain.analysis.singularity.sets.mesh_fit import Fit
 from closedchain.analysis.singularity.sets.sheets import CHUNK, Sheets
@@ -32,11 +32,12 @@ class Meshed:
 def meshed(sheets: Sheets) -> Meshed:
     """Triangles of all sheets that the branch reaches, every middle within ``TOLERANCE``."""
     corners, holes = [], 0
+    faces = _faces(sheets)
     for ring in _rings(sheets):
         if ring is None:
             holes += 1
         else:
-            corners += [(ring[0], b, c) for b, c in pairwise(ring[1:])]
+            corners += _fan(ring, faces)
     triangles = np.array(corners, dtype=int).reshape(-1, 3)
     nq = sheets.system.mechanism.model.nq
     points = np.array([vertex.z for vertex in sheets.vertices]).reshape(-1, nq + 3)
@@ -81,6 +82,30 @@ def _rings(sheets: Sheets) -> Iterator[list[int] | None]:
             closed = begin in ways[here] or {begin, here} <= sheets.rims
             if len(ring) > 2:
                 yield ring if closed else None
+
+
+def _faces(sheets: Sheets) -> dict[int, set[Face]]:
+    """Faces in which each vertex is linked."""
+    found: dict[int, set[Face]] = {}
+    for face, pairs in sheets.links.items():
+        for number in (i for pair in pairs for i in pair):
+            found.setdefault(number, set()).add(face)
+    return found
+
+
+def _fan(ring: Sequence[int], faces: Mapping[int, set[Face]]) -> list[tuple[int, int, int]]:
+    """Triangles of a ring, from the vertex whose chords run least in faces of the cube.
+
+    In a face they might be chords of the next cube's ring, too.
+    """
+
+    def chords(turn: int) -> int:
+        far = [ring[(turn + i) % len(ring)] for i in range(2, len(ring) - 1)]
+        return sum(bool(faces[ring[turn]] & faces[i]) for i in far)
+
+    turn = min(range(len(ring)), key=chords)
+    turned = [*ring[turn:], *ring[:turn]]
+    return [(turned[0], b, c) for b, c in pairwise(turned[1:])]
 
 
 class _Splitting:
@@ -152,15 +177,26 @@ class _Splitting:
         """Points of the surface halfway along sides (s, 2); NaN where none is near."""
         ends = self.points[sides]
         at = self._places(ends)
-        # across the side as far as may be: the coordinate that changes least along it
-        axis = np.abs(at[:, 1] - at[:, 0]).argmin(axis=1)
+        # across the side as far as may be: the coordinate that changes least along it, unless
+        # that leads out of the range
+        change = np.where(self._on_rim(ends).all(axis=1), np.inf, np.abs(at[:, 1] - at[:, 0]))
+        order, every = change.argsort(axis=1), np.arange(len(ends))
         middle, found = self._between(ends), np.full_like(ends[:, 0], np.nan)
-        found[:] = self._solved(middle, axis, ends)
-        for other in range(3):
-            left = np.flatnonzero(np.isnan(found[:, 0]))
+        for axis in order.T:
+            left = np.flatnonzero(np.isnan(found[:, 0]) & np.isfinite(change[every, axis]))
             if left.size:
-                found[left] = self._solved(middle[left], np.full(left.size, other), ends[left])
+                found[left] = self._solved(middle[left], axis[left], ends[left])
+        low, high = (np.array([p[i] for p in self.sheets.cubes.planes]) for i in (0, -1))
+        place = self.system.coordinates(found)
+        with np.errstate(invalid="ignore"):
+            found[((place < low) | (place > high)).any(axis=1)] = np.nan
         return found
+
+    def _on_rim(self, points: np.ndarray) -> np.ndarray:
+        """Which coordinates of points (..., nq + 3) are at an end of the range, (..., 3) bool."""
+        low, high = (np.array([p[i] for p in self.sheets.cubes.planes]) for i in (0, -1))
+        place, slack = self.system.coordinates(points), 1e-9 * self.sheets.cubes.cell
+        return np.asarray((place <= low + slack) | (place >= high - slack))
 
     def _between(self, corners: np.ndarray) -> np.ndarray:
         """Middles (n, nq + 3) of corners (n, m, nq + 3)."""
