@@ -26,7 +26,11 @@ def random_solutions(
     found = []
     hits = 0
     for _ in range(ROUNDS):
-        q = _met(block, place, newton(block, place, random_postures(block.equations.problem.mechanism, rng, STARTS)))
+        q = _met(
+            block,
+            place,
+            newton(block, place, random_postures(block.equations.problem.mechanism, rng, STARTS)),
+        )
         found.append(q)
         hits += len(q)
         if hits >= HITS * count:

@@ -153,9 +153,7 @@ class Slices:
                 used.append(frozenset().union(*(used[i] for i in node[1:])))
         own, allowed = set(self.block.own.tolist()), set(self.own.tolist())
         return [
-            x
-            for x in dict.fromkeys(numbers)
-            if used[x.index] <= allowed and used[x.index] & own
+            x for x in dict.fromkeys(numbers) if used[x.index] <= allowed and used[x.index] & own
         ]
 
     @cached_property
@@ -199,9 +197,7 @@ class Slices:
         target = [k.q[i] for i in problem.pinned_q]
         for i in range(0, self._goals, POSE):
             turn = line[i + 3 : i + 7]
-            size = (turn[0] * turn[0] + turn[1] * turn[1]) + (
-                turn[2] * turn[2] + turn[3] * turn[3]
-            )
+            size = (turn[0] * turn[0] + turn[1] * turn[1]) + (turn[2] * turn[2] + turn[3] * turn[3])
             inverse = size.sqrt().recip()
             target += [m.length * x for x in line[i : i + 3]] + [inverse * x for x in turn]
         every = problem.rows(k, target)
