@@ -201,8 +201,6 @@ def survey(
     for name in (*wanted.ranges, *at):
         if name not in coordinate_names(mechanism):
             raise ClosureError(known_names(name, "coordinate", coordinate_names(mechanism)))
-    if mode is not None:
-        mechanism.posture(mode)
 
     asked = [tuple(map(str, s)) for s in slices] if slices is not None else []
     check_slices(asked)

@@ -33,6 +33,7 @@ from closedchain.closure.ranks import null_space
 from closedchain.closure.solve.path import follower_of
 from closedchain.closure.solve.problem import Problem, problem_of
 from closedchain.closure.solve.search import search
+from closedchain.closure.solve.ways import follow
 from closedchain.closure.turns import tied, turning, without_turns
 from closedchain.urdf.description import OUTPUTS
 from closedchain.urdf.errors import ClosureError, known_names
@@ -283,8 +284,9 @@ def _result(
     q = unwound(m, found.q)
     closed = [float(np.abs(m.workspace.residual(x)).max(initial=0.0)) < OPEN for x in q]
     q, hits = q[closed], found.hits[closed]
-    order = _order(m, q)
-    q, hits, n = q[order], hits[order], len(q)
+    branch = _branches(question, q)
+    order = _order(question, q, branch)
+    q, hits, branch, n = q[order], hits[order], branch[order], len(q)
     complex_count, complete, infinite = None, "searched", 0
     multiplicity = np.ones(n, dtype=int)
     if whole is not None:
@@ -305,9 +307,6 @@ def _result(
             notes.append(_why_not(whole, agree=agree))
     every = np.repeat(question.targets[None], n, axis=0)
     proof = certified(problem, q, question.targets) if problem.square else None
-    branch = np.zeros(n, dtype=int)
-    if problem.square and n:
-        branch = np.sign(follower_of(problem).run(q, every, every).det).astype(int)
     if problem.redundant and n:
         others = len(problem.units) - len(problem.kept)
         notes.append(
@@ -392,15 +391,44 @@ def _why_not(whole: Counted, *, agree: bool) -> str:
     return "The check of the number of generic solutions did not hold: the count is not complete."
 
 
-def _order(mechanism: Mechanism, q: np.ndarray) -> np.ndarray:
-    """Order of postures (n, nq): home's first, the others by where their joints stand."""
+def _branches(question: Question, q: np.ndarray) -> np.ndarray:
+    """Signs (n,) of the determinant at postures (n, nq), 0 where there is none."""
+    problem = question.problem
+    if not problem.square or not len(q):
+        return np.zeros(len(q), dtype=int)
+    every = np.repeat(question.targets[None], len(q), axis=0)
+    return np.sign(follower_of(problem).run(q, every, every).det).astype(int)
+
+
+def _order(question: Question, q: np.ndarray, branch: np.ndarray) -> np.ndarray:
+    """Order of postures (n, nq): that on home's branch first, the others by sign and place.
+
+    Two that are about to meet have different signs, and do not change places.
+    """
     if not len(q):
         return np.zeros(0, dtype=int)
-    shapes = shapes_of(mechanism)
-    numbers = shapes.of(q)
+    place = _place(question.problem.mechanism, q)
+    return np.lexsort((place, -branch, ~_of_home(question, q)))
+
+
+def _place(mechanism: Mechanism, q: np.ndarray) -> np.ndarray:
+    """A number (n,) for where the joints of postures (n, nq) stand."""
+    numbers = shapes_of(mechanism).of(q)
     spread = np.sin(np.arange(1, numbers.shape[1] + 1) * 1.7) if numbers.shape[1] else np.zeros(0)
-    home = np.abs(numbers - shapes.of(mechanism.home[None])).max(axis=1, initial=0.0) < 1e-3
-    return np.lexsort((numbers @ spread, ~home))
+    return np.asarray(numbers @ spread)
+
+
+def _of_home(question: Question, q: np.ndarray) -> np.ndarray:
+    """Which of the postures (n, nq) is home, or what home's branch leads to, (n,) of bool."""
+    problem = question.problem
+    m, home = problem.mechanism, problem.mechanism.home
+    if problem.square and not m.home_open:
+        begin = problem.targets_at(home)
+        way = follow(problem, home[None], begin, question.targets[None])
+        home = way.q[0] if way.reached[0] == 1.0 else home
+    shapes = shapes_of(m)
+    apart = np.abs(shapes.of(q) - shapes.of(home[None])).max(axis=1, initial=0.0)
+    return np.asarray((apart < 1e-3) & (apart == apart.min()))
 
 
 def _names(mechanism: Mechanism, q: np.ndarray, branch: np.ndarray) -> tuple[str, ...]:
@@ -415,9 +443,10 @@ def _names(mechanism: Mechanism, q: np.ndarray, branch: np.ndarray) -> tuple[str
             if apart[near] < 1e-3 and near not in own:
                 own[near] = name
     signs = {1: "+", -1: "-", 0: ""}
-    counts = {1: 0, -1: 0, 0: 0}
+    place = _place(mechanism, q) if len(q) else np.zeros(0)
     names = []
     for i, sign in enumerate(branch.tolist()):
-        counts[sign] += 1
-        names.append(own.get(i, f"{signs[sign]}{counts[sign]}"))
+        # by their places, whether named or not: a name that a posture gets moves no other's number
+        number = 1 + int((place[branch == sign] < place[i]).sum())
+        names.append(own.get(i, f"{signs[sign]}{number}"))
     return tuple(names)

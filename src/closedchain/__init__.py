@@ -92,8 +92,8 @@ if TYPE_CHECKING:
     from closedchain.closure.modes.connections.connected import Connections
     from closedchain.closure.modes.connections.meetings import Meeting
     from closedchain.closure.modes.connections.passages import Passage
+    from closedchain.closure.modes.positions import direct, inverse
     from closedchain.closure.modes.result import Postures
-    from closedchain.closure.position import direct, inverse
     from closedchain.closure.solids import with_inertias
 
 __version__ = "0.1.0"
@@ -103,7 +103,7 @@ _LATER = {
     "_notebook": "show",
     "closure.exporting": "export",
     "closure.code.exporting": "export_code",
-    "closure.position": "direct inverse",
+    "closure.modes.positions": "direct inverse",
     "closure.solids": "with_inertias",
     "closure.modes.all_postures": "postures",
     "closure.modes.connections.connected": "Connections",

@@ -87,7 +87,10 @@ Kinds = Annotated[
 ]
 Mode = Annotated[
     str | None,
-    typer.Option(metavar="NAME", help="Posture of the description to start from; home by default."),
+    typer.Option(
+        metavar="NAME|NUMBER",
+        help="Posture of the description to start from, or mode of 'postures'; home by default.",
+    ),
 ]
 Resolution = Annotated[
     int | None,

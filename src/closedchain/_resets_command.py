@@ -61,7 +61,7 @@ def resets(
         raise arguments.BadArgumentError(f"--out {out}: the name must end in .npz, .zarr or .nc")
     require("states are written as a dataset of xarray", "maps")
     mechanism = arguments.load_robot(robot, settings or (), variant, xacro=not no_xacro)
-    starts = np.array([mechanism.posture(name) for name in mode]) if mode else None
+    starts = np.array([arguments.start_posture(mechanism, name) for name in mode]) if mode else None
     wanted = _ranges(over) if over else None
     found = cc.resets(mechanism, n, seed, over=wanted, start=starts, speed=speed, workers=workers)
     data = found.to_dataset()

@@ -178,7 +178,7 @@ def inverse(
     if xyz is None and rpy is None:
         fail("inverse needs --xyz, --rpy or both")
     arguments.finite((*(xyz or ()), *(rpy or ())), "tip pose")
-    start = mechanism.home if mode is None else mechanism.posture(mode)
+    start = arguments.start_posture(mechanism, mode, working=True)
     pose = mechanism.pose(start)
     rotation = pose.rotation if rpy is None else pin.rpy.rpyToMatrix(*rpy)
     pose = pin.SE3(rotation, pose.translation if xyz is None else np.array(xyz))
@@ -310,7 +310,7 @@ def singularities(
     for name in held:
         if wanted.slices and all(name in names for names in wanted.slices):
             fail(f"--at {name}: every slice varies {name} itself")
-    start = mechanism.home if mode is None else mechanism.posture(mode)
+    start = arguments.start_posture(mechanism, mode)
     out.mkdir(parents=True, exist_ok=True)
     arguments.refuse_read_only(out)
     with reporting(True) as progress:
@@ -404,7 +404,7 @@ def _load(robot: str, settings: list[str] | None, variant: str | None, no_xacro:
 def _direct(mechanism: Mechanism, given: dict[str, float], mode: str | None) -> Solution:
     import closedchain as cc
 
-    start = mechanism.home if mode is None else mechanism.posture(mode)
+    start = arguments.start_posture(mechanism, mode)
     return cc.direct(mechanism, arguments.all_inputs(mechanism, given, mode), start)
 
 
@@ -416,7 +416,7 @@ def _posture(mechanism: Mechanism, values: list[str] | None, mode: str | None) -
     import closedchain as cc
 
     if not values:
-        return mechanism.home if mode is None else mechanism.posture(mode)
+        return arguments.start_posture(mechanism, mode)
     given = arguments.input_values(mechanism, values)
     solution = _direct(mechanism, given, mode)
     if not solution.converged and mechanism.task is not None:

@@ -27,7 +27,7 @@ def singularity_set(
     over: Mapping[str, ArrayLike],
     at: Mapping[str, float] | ArrayLike | None = None,
     *,
-    mode: str | None = None,
+    mode: str | int | None = None,
     outputs: str | Sequence[str] | None = None,
     check: bool | None = None,
     cusps: bool = False,
@@ -48,8 +48,8 @@ def singularity_set(
         the branch; what lies between grid lines altogether can be missed.
     at : mapping of coordinate to value, or (nq,) array, optional
         Held coordinates, or a posture whose branch is followed; home by default.
-    mode : str, optional
-        Named posture of the mechanism to start from.
+    mode : str or int, optional
+        Named posture of the mechanism, or mode by name or number, to start from.
     outputs : str, optional
         Outputs of the task; those of the description by default.
     check : bool, optional

@@ -81,6 +81,16 @@ class Connections:
     unconfirmed : tuple of (str, str)
         Pairs that the grid joins, by ways that did not hold when they were followed again.
     searched : Searched
+
+    Examples
+    --------
+    >>> m = cc.load("three_rpr")
+    >>> modes = cc.postures(m, inputs=m.input_values(m.home), count=False)
+    >>> found = modes.connections({"q2": (2.0, 32.0), "q3": (2.0, 32.0)}, resolution=30)
+    >>> [len(group) for group in found.groups]  # two aspects, three modes in each
+    [3, 3]
+    >>> {found.signs[name] for name in found.groups[0]}
+    {1}
     """
 
     groups: tuple[tuple[str, ...], ...]

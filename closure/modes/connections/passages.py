@@ -51,6 +51,18 @@ class Passage:
         ``sigma_inverse`` where the tip is.
     residual : float
         Largest row of all samples [m or rad].
+
+    Examples
+    --------
+    >>> m = cc.load("three_rpr")
+    >>> modes = cc.postures(m, inputs=m.input_values(m.home), count=False)
+    >>> found = modes.connections({"q2": (2.0, 32.0), "q3": (2.0, 32.0)}, resolution=30)
+    >>> way = found.passages[0]
+    >>> legs = np.array([m.input_values(q) for q in way.q])
+    >>> cc.track(m, legs, start=way.q[0]).complete
+    True
+    >>> len(set(np.sign(way.determinant))), bool(way.sigma.min() > 0.0)
+    (1, True)
     """
 
     modes: tuple[str, str]
@@ -269,7 +281,7 @@ class Passages:
         for begin, end in pairwise(corners):
             count = max(2, int(np.ceil(FINE * np.abs((end - begin) / cells).max())))
             shares = np.arange(1, count + 1)[:, None] / count
-            found.append(begin + shares * (end - begin))
+            found.append((1.0 - shares) * begin + shares * end)
         return np.concatenate(found)
 
     def _turned(self, q: np.ndarray) -> np.ndarray:
