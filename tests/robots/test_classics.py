@@ -6,6 +6,7 @@ import json
 import math
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from conftest import Tolerances, assert_close
 from typer.testing import CliRunner
@@ -335,6 +336,16 @@ def test_six_r_closes_by_denavit_and_hartenberg(tol: Tolerances) -> None:
         )
     assert_close(hand, np.eye(4), tol.algebra)
     assert abs(m.input_values(m.home)[0]) < tol.closure
+
+
+def test_wren_keeps_to_a_sphere(tol: Tolerances) -> None:
+    """Its rows depend on each other to the first order only; what is solved is closed."""
+    m = cc.load("wren")
+    place = 2.0 * np.array([0.15, 0.1, math.sqrt(1.0 - 0.15**2 - 0.1**2)])
+    s = cc.inverse(m, pin.SE3(np.eye(3), place))
+    assert s.converged
+    assert s.residual < tol.closure
+    assert not cc.inverse(m, pin.SE3(np.eye(3), 1.02 * place)).converged
 
 
 def test_double_butterfly_by_its_bars(tol: Tolerances) -> None:
