@@ -296,6 +296,15 @@ def test_delta_with_upright_rods_is_loose() -> None:
     assert freedoms(near, near.home) == (3, 0)
 
 
+@pytest.mark.slow
+def test_delta_falls_until_its_rods_are_upright() -> None:
+    m = cc.load("delta")
+    fall = cc.simulate(m, m.home, np.zeros(m.model.nv), None, 0.4)
+    assert fall.ending.word == "singularity"
+    assert abs(fall.t[-1] - 0.282) < 0.001
+    assert_close(np.cos(m.input_values(fall.q[-1])), np.full(3, -0.6), 1e-6)
+
+
 def test_agile_eye_keeps_its_axes_at_right_angles(tol: Tolerances) -> None:
     """The middle axis of each leg, which its input turns, is square to the platform's."""
     m, e = cc.load("agile_eye"), np.eye(3)
