@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import textwrap
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from closedchain._terminal import pairs, print_json, say, table
+from closedchain._terminal import pairs, print_json, say, table, tell
 
 if TYPE_CHECKING:
     import numpy as np
@@ -17,8 +16,6 @@ if TYPE_CHECKING:
     from closedchain.analysis.structure.relaxation import Relaxation
     from closedchain.analysis.survey.surveying import Survey
     from closedchain.closure import Mechanism, Solution
-
-_WIDTH = 100  # of lines of prose
 
 
 def catalogue(json: bool) -> None:
@@ -40,8 +37,8 @@ def catalogue(json: bool) -> None:
         )
         return
     table(
-        ("robot", "title", "source", "variants"),
-        [(e.name, e.title, e.source, " ".join(e.variants)) for e in entries],
+        ("robot", "title", "variants"),
+        [(e.name, e.title, " ".join(e.variants)) for e in entries],
     )
 
 
@@ -105,15 +102,15 @@ def info(mechanism: Mechanism, json: bool) -> None:
         say("")
         table(("parameter", "value"), list(mechanism.parameters.items()))
     if counted is None:
-        say(
+        tell(
             f"\n{mechanism.name}: home is open by {mechanism.open_by:.3g}, the mobility is unknown."
         )
     else:
         say(f"\n{counted.text}")
     if relaxed is not None:
-        say(textwrap.fill(relaxed.text, _WIDTH))
+        tell(relaxed.text)
     for note in mechanism.notes:
-        say(textwrap.fill(f"note: {note}", _WIDTH, subsequent_indent="  "))
+        tell(f"note: {note}")
 
 
 def _mobility_data(counted: Mobility | None) -> dict[str, Any] | None:
@@ -260,7 +257,7 @@ def solution(mechanism: Mechanism, found: Solution, more: Mapping[str, list[str]
         facts["outputs prescribed"] = more["outputs"]
     facts |= {"residual [m, rad]": found.residual, "solved equations": str(found.rank_decision)}
     pairs(facts)
-    say(found.message)
+    tell(found.message)
 
 
 def classification(mechanism: Mechanism, q: np.ndarray, found: Classification, json: bool) -> None:
@@ -291,7 +288,7 @@ def classification(mechanism: Mechanism, q: np.ndarray, found: Classification, j
             ("constraint", _yes("constraint", found), found.sigma_constraint, None),
         ],
     )
-    say(f"\n{found.text}")
+    tell(f"\n{found.text}")
 
 
 def survey(found: Survey, written: Mapping[str, Path], json: bool, *, details: bool) -> None:
@@ -305,13 +302,13 @@ def survey(found: Survey, written: Mapping[str, Path], json: bool, *, details: b
         table(shown, [[row[name] for name in shown] for row in rows])
         say("")
     if details:
-        say(found.text)
+        tell(found.text)
     else:
         for note in found.notes:
-            say(note)
+            tell(note)
         if found.details:
             say(f"{len(found.details)} remarks on how sets were sought: --details shows them.")
-        say("At home: " + found.redundancy.text)
+        tell("At home: " + found.redundancy.text)
     for path in written.values():
         say(str(path))
 

@@ -20,7 +20,7 @@ from closedchain._options import (
     Variant,
 )
 from closedchain._statics_command import loaded
-from closedchain._terminal import print_json, say
+from closedchain._terminal import print_json, say, tell
 from closedchain.urdf.extras import require
 
 
@@ -83,10 +83,10 @@ def simulate(
         paths = [str(path) for path in files]
         print_json({"robot": mechanism.name, **facts, **numbers, "events": events, "files": paths})
         return
-    say(found.message)
+    tell(found.message)
     for event in found.events:
         if event.text != found.message:
-            say(event.text)
+            tell(event.text)
     say(f"loops closed to {found.residual:.1e}, energy drifts by {found.drift:.1e} W")
     for path in files:
         say(str(path))
