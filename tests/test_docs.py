@@ -1,11 +1,14 @@
 """The examples of README and docs/ run: every robot loads, every Python block is executed."""
 
 import re
+import shlex
 from dataclasses import asdict
 from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 import pytest
+import typer
 from conftest import Tolerances
 from typer.testing import CliRunner
 
@@ -52,6 +55,28 @@ def test_links_between_pages_lead_somewhere(page: str) -> None:
             titles = re.findall(r"^#+ (.*)$", linked.read_text(), re.M)
             slugs = {re.sub(r"[^\w\- ]", "", t.lower()).replace(" ", "-") for t in titles}
             assert anchor in slugs, target
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_commands_are_written_as_they_are_taken(page: str) -> None:
+    """Each line of a shell block is parsed, required options and all; none is run."""
+    group: Any = typer.main.get_command(app)
+    for block in blocks(PAGES[page], "(?:sh|bash|console)?"):
+        joined = block.replace("\\\n", " ")
+        for line in re.findall(r"^(?:\$ )?(?:\.venv/bin/)?closedchain (.*)$", joined, re.M):
+            words = shlex.split(line, comments=True)
+            if not words or words[0].isupper() or words[0].startswith("-"):
+                continue
+            command = group.commands.get(words[0])
+            assert command is not None, line
+            rest = [word for word in words[1:] if word not in ("|", ">")]
+            if "|" in words:
+                rest = words[1 : words.index("|")]
+            elif ">" in words:
+                rest = words[1 : words.index(">")]
+            if "--help" in rest or "..." in rest:
+                continue
+            command.make_context(words[0], rest)
 
 
 def there(name: str) -> bool:

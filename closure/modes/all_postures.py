@@ -213,7 +213,7 @@ def _question(
         if not mechanism.inputs:
             raise ClosureError(
                 f"{mechanism.name!r} has no inputs (<transmission> elements); hold joints with "
-                "fixed={joint: value, ...}"
+                "fixed={joint: value, ...} (--fixed JOINT=VALUE)"
             )
         values = mechanism.input_vector(inputs, "input values")
         said = ", ".join(f"{n} = {x:.6g}" for n, x in zip(mechanism.inputs, values, strict=True))

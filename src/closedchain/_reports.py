@@ -60,8 +60,8 @@ def members(name: str, json: bool) -> None:
     )
 
 
-def info(mechanism: Mechanism, json: bool) -> None:
-    """Inputs, task, closures, parameters and mobility."""
+def info(mechanism: Mechanism, json: bool, source: str = "") -> None:
+    """Inputs, task, closures, parameters and mobility; ``source`` is where it was published."""
     import closedchain as cc
 
     counted = None if mechanism.home_open else cc.mobility(mechanism)
@@ -85,6 +85,8 @@ def info(mechanism: Mechanism, json: bool) -> None:
         facts["tip at home, xyz [m]"] = _tidy(data["tip"]["xyz"])
         facts["tip at home, rpy [rad]"] = _tidy(data["tip"]["rpy"])
     pairs(facts)
+    if source:
+        tell(f"source: {source}")
     say("")
     table(
         ("input", "joint", "home", "lower", "upper", "unit"),
