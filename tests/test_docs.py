@@ -61,22 +61,33 @@ def test_links_between_pages_lead_somewhere(page: str) -> None:
 def test_commands_are_written_as_they_are_taken(page: str) -> None:
     """Each line of a shell block is parsed, required options and all; none is run."""
     group: Any = typer.main.get_command(app)
-    for block in blocks(PAGES[page], "(?:sh|bash|console)?"):
-        joined = block.replace("\\\n", " ")
-        for line in re.findall(r"^(?:\$ )?(?:\.venv/bin/)?closedchain (.*)$", joined, re.M):
-            words = shlex.split(line, comments=True)
-            if not words or words[0].isupper() or words[0].startswith("-"):
-                continue
-            command = group.commands.get(words[0])
-            assert command is not None, line
-            rest = [word for word in words[1:] if word not in ("|", ">")]
-            if "|" in words:
-                rest = words[1 : words.index("|")]
-            elif ">" in words:
-                rest = words[1 : words.index(">")]
-            if "--help" in rest or "..." in rest:
-                continue
-            command.make_context(words[0], rest)
+    for line in shell(PAGES[page]):
+        words = shlex.split(line, comments=True)
+        for end in ("|", ">", "&&"):
+            words = words[: words.index(end)] if end in words else words
+        if words[:1] != ["closedchain"] or len(words) < 2 or words[1].startswith("-"):
+            continue
+        name, rest = words[1], words[2:]
+        assert name in group.commands, line
+        if not {"--help", "..."} & set(rest):
+            group.commands[name].make_context(name, rest)
+
+
+def shell(page: Path) -> list[str]:
+    """Lines of a page's blocks that are in no language, or the shell's; continued ones joined."""
+    found, language = [], None
+    for line in page.read_text().replace("\\\n", " ").splitlines():
+        if line.startswith("```"):
+            language = line[3:] if language is None else None
+        elif language in ("", "sh", "bash", "console"):
+            found.append(line.removeprefix("$ ").removeprefix(".venv/bin/"))
+    return found
+
+
+def test_pages_show_commands() -> None:
+    assert (
+        sum(line.startswith("closedchain ") for page in PAGES.values() for line in shell(page)) > 9
+    )
 
 
 def there(name: str) -> bool:
