@@ -233,7 +233,7 @@ def _question(
         if not mechanism.inputs:
             raise ClosureError(
                 f"{mechanism.name!r} has no inputs (<transmission> elements); hold joints with "
-                "fixed={joint: value, ...}"
+                "fixed={joint: value, ...} (--fixed JOINT=VALUE)"
             )
         values = mechanism.input_vector(inputs, "input values")
         said = ", ".join(f"{n} = {x:.6g}" for n, x in zip(mechanism.inputs, values, strict=True))
@@ -305,7 +305,6 @@ def _result(
                 )
         else:
             notes.append(_why_not(whole, agree=agree))
-    every = np.repeat(question.targets[None], n, axis=0)
     proof = certified(problem, q, question.targets) if problem.square else None
     if problem.redundant and n:
         others = len(problem.units) - len(problem.kept)

@@ -118,7 +118,9 @@ def test_platforms_of_random_sizes_have_forty(seed: int) -> None:
     The first has solutions that are a thousand times as large as itself.
     """
     rng = np.random.default_rng(seed)
-    m = stewart(*(list(0.5 * rng.standard_normal((6, 3))) for _ in range(2)))
+    feet, tops = (" ".join(map(str, 0.5 * rng.standard_normal(18))) for _ in range(2))
+    home = "0.03 -0.02 0.5 0.0572 -0.0956 0.0793 0.9896"
+    m = cc.load("gough_stewart", feet=feet, tops=tops, home=home, leg_max=5)
     (block,) = blocks_of(equations_of(driven(m)))
     found = generic_solutions(block, shapes_of(m))
     assert (len(found.q), found.points, found.known) == (40, 120, True)
