@@ -17,8 +17,9 @@ from closedchain.cli import app
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / "docs"
+TOP = ("README.md", "CONTRIBUTING.md", "CHANGELOG.md", "examples/README.md")
 PAGES = {str(path.relative_to(DOCS)): path for path in sorted(DOCS.rglob("*.md"))}
-PAGES |= {name: ROOT / name for name in ("README.md", "CONTRIBUTING.md", "CHANGELOG.md")}
+PAGES |= {name: ROOT / name for name in TOP}
 FOLDERS = (
     *("urdf", "closure", "robots", "analysis", "src"),
     *("tests", "benchmarks", "docs", "examples", "notebooks", "website"),
