@@ -33,6 +33,8 @@ const text = (id) => element(id).hidden ? "" : element(id).textContent;
 const settled = () => new Promise((done) => setTimeout(done, 150));
 """
 
+pytestmark = pytest.mark.slow  # a browser starts, and draws without a graphics card
+
 
 @pytest.fixture(scope="module")
 def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
