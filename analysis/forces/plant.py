@@ -226,7 +226,7 @@ class Plant:
             names = ", ".join(moving_joints(self.mechanism, motion, share=1e-3))
             raise ClosureError(
                 f"a motion of the joints {names} has no inertia: the links that it moves need "
-                "masses (<inertial>, a material with a density, with_inertias or --density), or the "
+                "masses (<inertial>, a material with a density, with_inertias, --density), or the "
                 "joints an armature"
             )
 
