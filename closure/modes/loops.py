@@ -16,15 +16,21 @@ Telling = Callable[[np.ndarray], np.ndarray]
 
 
 def closed_under(
-    system: Tracked, telling: Telling, ways: Sequence[Sequence[Place]], q: np.ndarray, most: int
+    system: Tracked,
+    telling: Telling,
+    ways: Sequence[Sequence[Place]],
+    q: np.ndarray,
+    most: int,
+    tell: Callable[[int], None],
 ) -> np.ndarray:
     """Solutions (n, nq) at a place and all that they become on ways from there and back.
 
     Each goes each way once, so do those that appear; those given come first and stay. Ends when
-    there are more than ``most``.
+    there are more than ``most``. ``tell`` gets their number now and then.
     """
     gone = 0
     while gone < len(q) <= most:
+        tell(len(q))
         begin, gone = gone, len(q)
         ends = _gone(system, ways, q[begin:])
         q = merged(telling, q, ends.q[ends.good])

@@ -86,7 +86,7 @@ def generic_solutions(
         if not len(q) or len(q) > MOST:
             break
         before = len(q)
-        q = closed_under(block, shapes.of, _loops(block, place, rng), q, MOST)
+        q = closed_under(block, shapes.of, _loops(block, place, rng), q, MOST, tell)
         tell(len(q))
         if points is not None:
             q, points = _traced(block, shapes, place, q, rng, tell)
@@ -147,7 +147,7 @@ def _traced(
             (here, *(slices.random(rng, wide) for _ in range(2)), here)
             for wide in np.resize(WIDE_SLICES, LOOPS_OF_SLICES)
         ]
-        points = closed_under(slices, telling, ways, points, most)
+        points = closed_under(slices, telling, ways, points, most, tell)
         if len(points) > most:
             return q, None
         if not straight(slices, here, points):

@@ -86,7 +86,7 @@ def test_a_trace_is_straight_only_over_all_points(bar: cc.Mechanism) -> None:
     def telling(p: np.ndarray) -> np.ndarray:
         return np.hstack([shapes_of(bar).of(p[:, :-1]), p[:, -1:]])
 
-    points = closed_under(slices, telling, ways, points, 100)
+    points = closed_under(slices, telling, ways, points, 100, lambda count: None)
     assert len(points) == 6
     assert monodromy.straight(slices, here, points)
     for left_out in range(6):
