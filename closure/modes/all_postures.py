@@ -288,7 +288,6 @@ def _result(
             complete, complex_count = "counted", len(whole.q) + whole.lost
         else:
             notes.append(_why_not(whole, agree=agree))
-    every = np.repeat(question.targets[None], n, axis=0)
     proof = certified(problem, q, question.targets) if problem.square else None
     if problem.redundant and n:
         others = len(problem.units) - len(problem.kept)

@@ -86,7 +86,7 @@ def test_unknown_ones_are_refused_with_those_there_are(mode: str | int) -> None:
 def test_other_words_are_refused_without_a_search() -> None:
     m = four_bar(ROCKING, 0.9)
     for mode in ("elbow", True, "+", 1.5):
-        with pytest.raises(cc.ClosureError, match="unknown mode .*; or a name or number"):
+        with pytest.raises(cc.ClosureError, match=r"unknown mode .*; or a name or number"):
             cc.direct(m, [0.9], mode=mode)  # type: ignore[arg-type]
     assert ("modes.at_home", False) not in m.known
     with pytest.raises(cc.ClosureError, match="either a guess or a mode"):
