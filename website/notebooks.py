@@ -38,7 +38,8 @@ def _shown(output: dict[str, Any], name: str, files: dict[str, bytes]) -> str:
     plain = _joined(output.get("text") or data.get("text/plain", "")).rstrip()
     if "image/png" in data:
         files[f"{name}.png"] = base64.b64decode(_joined(data["image/png"]))
-        return f"![{plain}]({name}.png)"
+        words = output.get("metadata", {}).get("image/png", {}).get("alt") or "Figure"
+        return f"![{_one_line(words)}]({name}.png)"
     html = _joined(data.get("text/html", ""))
     if "<iframe" in html:
         files[f"{name}.html"] = html.encode()
@@ -46,6 +47,10 @@ def _shown(output: dict[str, Any], name: str, files: dict[str, bytes]) -> str:
     if not plain or output.get("name") == "stderr":
         return ""
     return f"```text\n{plain}\n```"
+
+
+def _one_line(words: str) -> str:
+    return " ".join(words.replace("[", "(").replace("]", ")").split())
 
 
 def _joined(text: str | list[str]) -> str:

@@ -141,7 +141,8 @@ def _chains(segments: np.ndarray) -> list[np.ndarray]:
     if not len(segments):
         return []
     span = np.ptp(segments.reshape(-1, 2), axis=0)
-    keys = np.round(segments / np.where(span > 0.0, span, 1.0) / MEET).astype(np.int64)
+    size = max(float(np.abs(segments).max()), 1e-300)
+    keys = np.round(segments / np.maximum(span, 1e-6 * size) / MEET).astype(np.int64)
     _, number = np.unique(keys.reshape(-1, 2), axis=0, return_inverse=True)
     at: dict[int, list[int]] = {}
     both = number.reshape(-1, 2).tolist()

@@ -45,6 +45,7 @@ SINGULAR = 1e-8  # share of the largest singular value of K below which a rank i
 MASSLESS = 1e-12  # share of the largest inertia of a motion that is none
 PIVOT = 1e-3  # dimensionless: below it the elimination loses digits, and LAPACK is asked
 CONSISTENT = 1e-6  # by which velocities may miss what the loops allow, dimensionless
+MOST_KEPT = 8  # plants of one mechanism and thread
 SPREAD = 1e8  # of the inertias of motions, beyond which it is asked as well
 
 
@@ -225,7 +226,8 @@ class Plant:
             names = ", ".join(moving_joints(self.mechanism, motion, share=1e-3))
             raise ClosureError(
                 f"a motion of the joints {names} has no inertia: the links that it moves need "
-                "masses (<inertial>, or a density: with_inertias), or the joints an armature"
+                "masses (<inertial>, a material with a density, with_inertias, --density), or the "
+                "joints an armature"
             )
 
     # -- the loops -------------------------------------------------------------------------------
@@ -310,6 +312,8 @@ def plant_under(
         return Plant(mechanism, on)
     kept = mechanism.known.setdefault("forces.plants", threading.local())
     plants: dict[bytes, Plant] = kept.__dict__.setdefault("plants", {})
+    if len(plants) > MOST_KEPT:  # gravity that changes from call to call
+        plants.clear()
     return plants.setdefault(on.gravity.tobytes(), Plant(mechanism, on))
 
 

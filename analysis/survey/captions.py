@@ -138,4 +138,7 @@ def description(data: xr.Dataset, sets: Iterable[DrawableSet], measures: Iterabl
 
 
 def _percent(share: float) -> str:
-    return f"{100.0 * share:.0f} %" if 0.005 < share < 0.995 else f"{100.0 * share:.2g} %"
+    percent = 100.0 * share
+    if 0.5 < percent < 99.5 or percent == 100.0:
+        return f"{percent:.0f} %"
+    return f"{percent:.2f} %" if percent > 50.0 else f"{percent:.1g} %"

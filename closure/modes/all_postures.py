@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from closedchain.closure.chart import joint_index, joint_names
 from closedchain.closure.mechanism import Mechanism
 from closedchain.closure.modes.certificates import certified
-from closedchain.closure.modes.counting import Counted, counted
+from closedchain.closure.modes.counting import Counted, counted, kept_on_disk
 from closedchain.closure.modes.result import Family, Postures
 from closedchain.closure.modes.seeking import (
     LEAST,
@@ -140,23 +140,24 @@ def postures(
     asked = Search(starts, seed, None if seconds is None else time.monotonic() + seconds, progress)
     if not question.problem.square:
         return _families(question, asked)
-    notes: list[str] = []
-    found, in_time = _searched(question, shapes_of(mechanism), asked)
+    shapes, notes = shapes_of(mechanism), list[str]()
+    whole, in_time = None, True
+    if count and turns_that_count(mechanism):
+        notes.append("Relations of its joints count whole turns: its solutions are only searched.")
+        count = False
+    early = count and kept_on_disk(question.problem)
+    if early:
+        whole = _counted(question, asked, notes)
+        # what was counted is all there is: a few starts then check it
+        asked = replace(asked, most=min(starts, LEAST)) if _settled(whole) else asked
+    found, in_time = _searched(question, shapes, asked)
     if not in_time:
         notes.append("The time allowed was used up while searching.")
     found, families = with_singular(question.problem, question.targets, found)
-    whole = None
-    if count and turns_that_count(mechanism):
-        notes.append("Relations of its joints count whole turns: its solutions are only searched.")
-    elif count and in_time:
-        try:
-            whole = _counted(question, asked)
-        except OutOfTime:
-            notes.append("The time allowed was used up before the solutions were counted.")
-        except TypeError as error:  # what complex numbers do not have
-            notes.append(f"The solutions cannot be counted: {error}.")
-        else:
-            found = _together(question, shapes_of(mechanism), found, whole)
+    if count and in_time and not early:
+        whole = _counted(question, asked, notes)
+    if whole is not None:
+        found = _together(question, shapes, found, whole)
     return _result(question, found, whole, families, notes)
 
 
@@ -169,14 +170,25 @@ def _joint(mechanism: Mechanism, name: str) -> tuple[int, int]:
         raise ClosureError(known_names(name, "joint with one freedom", known)) from None
 
 
-def _counted(question: Question, asked: Search) -> Counted:
-    """Complex solutions, with whole turns of what is held left out."""
+def _counted(question: Question, asked: Search, notes: list[str]) -> Counted | None:
+    """Complex solutions, with whole turns of what is held left out; a note where there are none."""
     problem = question.problem
     m, targets = problem.mechanism, question.targets.copy()
     turns = (turning(m) & ~tied(m))[list(problem.pinned)]
     held = targets[: len(problem.pinned)]
     targets[: len(problem.pinned)] = without_turns(held, turns)
-    return counted(problem, shapes_of(m), targets, asked.report)
+    try:
+        return counted(problem, shapes_of(m), targets, asked.report)
+    except OutOfTime:
+        notes.append("The time allowed was used up before the solutions were counted.")
+    except TypeError as error:  # what complex numbers do not have
+        notes.append(f"The solutions cannot be counted: {error}.")
+    return None
+
+
+def _settled(whole: Counted | None) -> bool:
+    """Whether a count leaves nothing open."""
+    return whole is not None and whole.known and not whole.lost
 
 
 def _searched(question: Question, shapes: Shapes, asked: Search) -> tuple[Sought, bool]:
@@ -221,7 +233,7 @@ def _question(
         if not mechanism.inputs:
             raise ClosureError(
                 f"{mechanism.name!r} has no inputs (<transmission> elements); hold joints with "
-                "fixed={joint: value, ...}"
+                "fixed={joint: value, ...} (--fixed JOINT=VALUE)"
             )
         values = mechanism.input_vector(inputs, "input values")
         said = ", ".join(f"{n} = {x:.6g}" for n, x in zip(mechanism.inputs, values, strict=True))
@@ -286,6 +298,11 @@ def _result(
             notes.append("Where families stand, solutions cannot be counted.")
         elif whole.known and whole.lost == explained and agree:
             complete, complex_count = "counted", len(whole.q) + whole.lost
+            if not whole.traced:
+                notes.append(
+                    "The trace test would take too many points: the number was checked by loops "
+                    "and random starts at several places alone."
+                )
         else:
             notes.append(_why_not(whole, agree=agree))
     proof = certified(problem, q, question.targets) if problem.square else None
@@ -370,7 +387,7 @@ def _why_not(whole: Counted, *, agree: bool) -> str:
             f"{whole.lost} paths ended before the values asked for, at singular solutions: the "
             "count is not complete."
         )
-    return "Two counts of its generic solutions do not agree: the count is not complete."
+    return "The check of the number of generic solutions did not hold: the count is not complete."
 
 
 def _branches(question: Question, q: np.ndarray) -> np.ndarray:

@@ -57,7 +57,9 @@ class Block:
     def newton(self) -> NewtonSteps:
         """Newton's steps, as machine code."""
         problem = self.equations.problem
-        return newton_steps(problem, self.rows, self.columns, self._samples(), self._slow)
+        return newton_steps(
+            problem, self.rows, self.columns, self._samples(), self.newton_by_lapack
+        )
 
     def _samples(self) -> np.ndarray:
         """Closed postures and what they meet (nq + prescribed, n), real and complex ones.
@@ -70,7 +72,7 @@ class Block:
         q[:, problem.pinned_q] = targets[:, : len(problem.pinned)]
         size = np.full(TRIED, np.inf)
         for _ in range(TRIALS):
-            _, step = self._slow(q, targets)
+            _, step = self.newton_by_lapack(q, targets)
             size = self.size(q, step)
             step *= (BOUND / np.maximum(size, BOUND))[:, None]
             q = self.moved(q, step)
@@ -79,7 +81,7 @@ class Block:
         every = np.concatenate([q[closed], real])
         return np.hstack([every, np.concatenate([targets[closed], problem.targets_at(real)])]).T
 
-    def _slow(self, q: np.ndarray, targets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def newton_by_lapack(self, q: np.ndarray, targets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Newton's step by LAPACK: postures (n, nq) after it, steps (n, k)."""
         values, jacobian = self.at(q, targets)
         step = -solutions(jacobian, values[:, :, None])[:, :, 0]

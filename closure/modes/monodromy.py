@@ -4,12 +4,13 @@ Newton's method from random complex starts finds some. After a loop through rand
 each has become one of the same place again, maybe another. Loops must be large beside the
 mechanism: small ones go round next to nothing.
 
-Then the trace test [Leykin2018]_, which needs no luck with loops. The solutions become points of a
-slice of a curve, see ``slices``; loops of slices find its other points. When the slice moves on, the
-sums of z and of y over all points go straight: they have no poles, and grow no faster. Sums over
-some points only bend, unless these are all the points of a component. So a straight trace says that
-no solution is missing that what is known could become. Solutions of other components, as the
-operation modes of a mechanism, are reached by random starts, which are made at another place, too.
+Then the trace test [Leykin2018]_, which needs no luck with loops. The solutions become points of
+a slice of a curve, see ``slices``; loops of slices find its other points. When the slice moves
+on, the sums of z and of y over all points go straight: they have no poles, and grow no faster.
+Sums over some points only bend, unless these are all the points of a component. So a straight
+trace says that no solution is missing that those known could become. Solutions of other
+components, as the operation modes of a mechanism, are reached by random starts, which are made at
+another place, too.
 
 [Leykin2018]_ A. Leykin, J. I. Rodriguez, F. Sottile, Trace test, Arnold Mathematical Journal 4,
 2018.
@@ -31,13 +32,15 @@ from closedchain.closure.modes.shapes import Shapes
 from closedchain.closure.modes.slices import Slices
 
 MOST_PLACES = 8
-LOOPS = 4  # of places, and of slices, at once
+QUIET = 3  # places one after the other with nothing new, where the trace test cannot be had
+LOOPS = 4  # of places at once
 WIDE = (4.0, 8.0, 2.0, 6.0)  # characteristic lengths: places on loops
-WIDE_SLICES = (1.0, 3.0, 2.0, 4.0)
+LOOPS_OF_SLICES = 2
+WIDE_SLICES = (1.0, 3.0)
 DETOURS = 3
 MOST = 2000  # solutions
-MOST_POINTS = 6000  # of a slice
-TRIALS = 4  # of the trace test, each with more loops
+POINTS = (200, 4)  # of a slice at most: so many, and so many for each solution
+TRIALS = 6  # of the trace test, each with more loops
 S, NEXT = 1.0, 0.4 + 0.3j  # s at first, and its steps
 BENT = 1e-6
 """Share of their bends, added without signs, that the sum over all points may bend."""
@@ -52,11 +55,12 @@ class Generic:
     place : Place
     q : (n, nq) complex array
     points : int
-        Of the slice whose trace is straight; 0 where none is.
+        Of the slice whose trace is straight; 0 where there are too many for it, or it never was.
     hits : int
         Solutions from random starts at the last place, all of them known.
     known : bool
-        Whether the trace is straight, and starts at two places have led to nothing else.
+        Whether the trace is straight, and starts at another place have led to nothing else; or,
+        where slices have too many points, whether several places have shown nothing new.
     """
 
     place: Place
@@ -75,24 +79,32 @@ def generic_solutions(
     place = random_place(problem, rng)
     struck = random_solutions(block, place, rng, 1)
     q = merged(shapes.of, struck[:0], struck)
-    points, hits = 0, len(struck)
+    points: int | None = 0
+    hits, quiet = len(struck), 0
     for _ in range(MOST_PLACES):
         tell(len(q))
         if not len(q) or len(q) > MOST:
             break
+        before = len(q)
         q = closed_under(block, shapes.of, _loops(block, place, rng), q, MOST)
         tell(len(q))
-        q, points = _traced(block, shapes, place, q, rng, tell)
+        if points is not None:
+            q, points = _traced(block, shapes, place, q, rng, tell)
         ways = [random_place(problem, rng) for _ in range(DETOURS + 1)]
         moved = carried(block, shapes.of, place, ways, q)
         if len(moved) < len(q):
+            quiet = 0
             continue
         place = ways[-1]
         struck = random_solutions(block, place, rng, len(q))
-        q, before, hits = merged(shapes.of, moved, struck), len(q), len(struck)
-        if points and len(q) == before:
+        traced, hits = len(q), len(struck)
+        q = merged(shapes.of, moved, struck)
+        if points and len(q) == traced:
             return Generic(place, q, points, hits, True)
-    return Generic(place, q, points, hits, False)
+        quiet = quiet + 1 if len(q) == before else 0
+        if points is None and quiet >= QUIET:
+            return Generic(place, q, 0, hits, True)
+    return Generic(place, q, 0, hits, False)
 
 
 def _loops(block: Block, place: Place, rng: np.random.Generator) -> list[tuple[Place, ...]]:
@@ -111,8 +123,11 @@ def _traced(
     q: np.ndarray,
     rng: np.random.Generator,
     tell: Callable[[int], None],
-) -> tuple[np.ndarray, int]:
-    """All solutions at a place that a slice through them has, and its points if all are there."""
+) -> tuple[np.ndarray, int | None]:
+    """All solutions at a place that a slice through them has, and its points if all are there.
+
+    None where they are too many.
+    """
     slices = Slices(block, place, q)
 
     def telling(points: np.ndarray) -> np.ndarray:
@@ -123,16 +138,19 @@ def _traced(
     here = slices.at(start, S)
     moved = track(slices, start, here, begin)
     points = moved.q[moved.good]
+    most = POINTS[0] + POINTS[1] * len(q)
     for _ in range(TRIALS):
         tell(len(q))
-        if not len(points) or len(points) > MOST_POINTS:
+        if not len(points):
             break
         ways = [
             (here, *(slices.random(rng, wide) for _ in range(2)), here)
-            for wide in np.resize(WIDE_SLICES, LOOPS)
+            for wide in np.resize(WIDE_SLICES, LOOPS_OF_SLICES)
         ]
-        points = closed_under(slices, telling, ways, points, MOST_POINTS)
-        if not _straight(slices, here, points):
+        points = closed_under(slices, telling, ways, points, most)
+        if len(points) > most:
+            return q, None
+        if not straight(slices, here, points):
             continue
         back = track(slices, here, start, points)
         home = back.q[back.good]
@@ -142,7 +160,7 @@ def _traced(
     return q, 0
 
 
-def _straight(slices: Slices, here: Place, points: np.ndarray) -> bool:
+def straight(slices: Slices, here: Place, points: np.ndarray) -> bool:
     """Whether the sums of z and of y over points go straight as the slice moves."""
     found = []
     place, q = here, points

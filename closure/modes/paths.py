@@ -16,11 +16,11 @@ from closedchain.closure.modes.places import Place
 
 FIRST, SMALLEST, LARGEST = 0.02, 1e-8, 0.25  # steps along a path
 SHORT = 0.01  # relative: largest first correction of an accepted step
-GROWING = 0.05  # share of that below which the next step is longer
+AIM = 0.003  # the first correction that is aimed at
 CONTRACTION = 0.25
 ITERATIONS = 4
 SOLVED = 1e-10  # relative correction of a solution
-MOST_STEPS = 2000
+MOST_STEPS = 800
 SHIFT = 1e-6  # of the path parameter: for slopes along it
 FAR = 1e6  # dimensionless: lengths beyond are at infinity
 HIGH = 16.0  # imaginary part of an angle beyond which it is
@@ -109,8 +109,9 @@ def track(block: Tracked, one: Place, two: Place, q: np.ndarray) -> Arrived:
         q[j], t[j] = trial[accepted], end[accepted]
         here[j] = q[j][:, own]
         fresh[i] = accepted
-        grow = first[accepted] < GROWING * SHORT
-        step[j] = np.where(grow, np.minimum(2.0 * h[accepted], LARGEST), h[accepted])
+        # the predictor's error grows as the fourth power of the step
+        ratio = (AIM / np.maximum(first[accepted], 1e-9)) ** 0.25
+        step[j] = np.minimum(np.clip(ratio, 0.5, 2.0) * h[accepted], LARGEST)
         step[i[~accepted]] = 0.4 * h[~accepted]
         arrived = j[t[j] == 1.0]
         good[arrived], running[arrived] = True, False

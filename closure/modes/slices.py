@@ -4,7 +4,8 @@ What is prescribed moves on a line, by a parameter z, and y is a weighted sum of
 where the bodies are. The solutions for all z are a curve, and surfaces (z - z0) (y - c) = s meet it
 in as many points for each s. At s = 0 those with z = z0 are the solutions at one place.
 
-Where angles are prescribed, the tangents of half of them move on the line, so that all is algebraic.
+Where angles are prescribed, the tangents of half of them move on the line, so that all is
+algebraic.
 """
 
 from __future__ import annotations
@@ -118,7 +119,7 @@ class Slices:
 
         Coordinates of points, where they tell the known solutions apart; else all of shapes.
         """
-        g, k = self._graph
+        _, k = self._graph
         m = self.block.equations.problem.mechanism
         points = [x for i in range(1, m.model.njoints) for x in k.poses[i][1]]
         for closure in m.closures:

@@ -8,7 +8,7 @@ import typer
 
 from closedchain import _arguments as arguments
 from closedchain._options import Json, NoXacro, Robot, Settings, Variant
-from closedchain._terminal import print_json, say
+from closedchain._terminal import print_json, say, tell
 
 if TYPE_CHECKING:
     from closedchain.analysis.symbolic import SymbolicSingularities
@@ -37,7 +37,7 @@ def closed_forms(
     if json:
         print_json(_data(found))
     else:
-        say(found.latex if latex else found.text)
+        say(found.latex) if latex else tell(found.text)
 
 
 def _data(found: SymbolicSingularities) -> dict[str, Any]:

@@ -31,6 +31,12 @@ def show(what: Figure | Mechanism | Embedded | str, *, dpi: float = 75) -> None:
         Something else.
     ModuleNotFoundError
         IPython is not there: the extra ``closedchain[notebooks]`` brings it.
+
+    Examples
+    --------
+    >>> m = cc.load("linear_delta")
+    >>> cc.show(m)  # in a notebook this is the page whose sliders move the robot
+    <page of ... kB; its .page is HTML for a file>
     """
     from IPython.display import Image, display
 

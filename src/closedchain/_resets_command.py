@@ -9,7 +9,7 @@ import typer
 
 from closedchain import _arguments as arguments
 from closedchain._options import Json, NoXacro, Robot, Settings, Variant, Workers
-from closedchain._terminal import print_json, say
+from closedchain._terminal import print_json, say, tell
 from closedchain.urdf.extras import require
 
 
@@ -84,7 +84,7 @@ def resets(
         facts = {"states": len(found), "accepted": found.accepted, "residual": found.residual}
         print_json({"robot": mechanism.name, **facts, "drawn": found.names, "file": str(out)})
         return
-    say(found.text)
+    tell(found.text)
     say(str(out))
 
 

@@ -23,7 +23,7 @@ from closedchain._options import (
     Wrench,
 )
 from closedchain._statics_command import loaded, payloads, wrenches
-from closedchain._terminal import print_json, say
+from closedchain._terminal import print_json, say, tell
 from closedchain.urdf.extras import require
 
 
@@ -97,7 +97,7 @@ def simulate(
         print_json({"robot": mechanism.name, **facts, **numbers, "events": events, "files": paths})
         return
     for line in lines:
-        say(line)
+        tell(line)
     say(f"loops closed to {found.residual:.1e}, energy drifts by {found.drift:.1e} W")
     for path in files:
         say(str(path))

@@ -18,7 +18,7 @@ from closedchain._options import (
     Variant,
     Wrench,
 )
-from closedchain._terminal import fail, print_json, say, table
+from closedchain._terminal import fail, print_json, say, table, tell
 
 if TYPE_CHECKING:
     import numpy as np
@@ -110,7 +110,7 @@ def _report(mechanism: Mechanism, found: Statics) -> None:
         ("joint", "fx [N]", "fy [N]", "fz [N]", "mx [N m]", "my [N m]", "mz [N m]"),
         [(name, *_tidy(w.tolist())) for name, w in found.joints.items()],
     )
-    say(f"\n{found.text}")
+    tell(f"\n{found.text}")
 
 
 def _tidy(numbers: list[float]) -> list[float]:

@@ -121,7 +121,11 @@ def info(
     json: Json = False,
 ) -> None:
     """Inputs, task, closures, parameters and mobility of a robot."""
-    reports.info(_load(robot, settings, variant, no_xacro), json)
+    from closedchain.robots import robot as entry
+    from closedchain.robots import robots
+
+    source = entry(robot).source if robot in robots() else ""
+    reports.info(_load(robot, settings, variant, no_xacro), json, source)
 
 
 @app.command()

@@ -6,6 +6,7 @@ import json
 import math
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from conftest import Tolerances, assert_close
 from typer.testing import CliRunner
@@ -295,6 +296,15 @@ def test_delta_with_upright_rods_is_loose() -> None:
     assert freedoms(near, near.home) == (3, 0)
 
 
+@pytest.mark.slow
+def test_delta_falls_until_its_rods_are_upright() -> None:
+    m = cc.load("delta")
+    fall = cc.simulate(m, m.home, np.zeros(m.model.nv), None, 0.4)
+    assert fall.ending.word == "singularity"
+    assert abs(fall.t[-1] - 0.282) < 0.001
+    assert_close(np.cos(m.input_values(fall.q[-1])), np.full(3, -0.6), 1e-6)
+
+
 def test_agile_eye_keeps_its_axes_at_right_angles(tol: Tolerances) -> None:
     """The middle axis of each leg, which its input turns, is square to the platform's."""
     m, e = cc.load("agile_eye"), np.eye(3)
@@ -335,6 +345,16 @@ def test_six_r_closes_by_denavit_and_hartenberg(tol: Tolerances) -> None:
         )
     assert_close(hand, np.eye(4), tol.algebra)
     assert abs(m.input_values(m.home)[0]) < tol.closure
+
+
+def test_wren_keeps_to_a_sphere(tol: Tolerances) -> None:
+    """Its rows depend on each other to the first order only; what is solved is closed."""
+    m = cc.load("wren")
+    place = 2.0 * np.array([0.15, 0.1, math.sqrt(1.0 - 0.15**2 - 0.1**2)])
+    s = cc.inverse(m, pin.SE3(np.eye(3), place))
+    assert s.converged
+    assert s.residual < tol.closure
+    assert not cc.inverse(m, pin.SE3(np.eye(3), 1.02 * place)).converged
 
 
 def test_double_butterfly_by_its_bars(tol: Tolerances) -> None:

@@ -18,6 +18,8 @@ from closedchain.robots.viewer import Animation
 
 FRAME = re.compile(r'<iframe srcdoc="([^"]*)"')
 
+pytestmark = pytest.mark.slow  # a browser starts, and draws without a graphics card
+
 
 def held(frame: str) -> str:
     """The page in a frame."""

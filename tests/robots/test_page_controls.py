@@ -33,6 +33,8 @@ const text = (id) => element(id).hidden ? "" : element(id).textContent;
 const settled = () => new Promise((done) => setTimeout(done, 150));
 """
 
+pytestmark = pytest.mark.slow  # a browser starts, and draws without a graphics card
+
 
 @pytest.fixture(scope="module")
 def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
@@ -423,7 +425,7 @@ def test_a_plane_shows_where_it_is_and_leads_elsewhere(
 
 
 def test_a_map_around_here_follows_the_branch(browser: Browser, tmp_path: Path) -> None:
-    """The cells that it reaches are those that Python reaches; its line is where det_inverse is 0."""
+    """It reaches the cells that Python reaches; its line is where det_inverse is 0."""
     m = cc.load("rpa3t")
     with opened(browser, static_page(m, controls=True), tmp_path):
         ask(browser, "element('pairs').selectedIndex = 1;"

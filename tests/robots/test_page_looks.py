@@ -26,6 +26,8 @@ from closedchain.robots.viewer import (
 
 LINE = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0]])
 
+pytestmark = pytest.mark.slow  # a browser starts, and draws without a graphics card
+
 
 @pytest.fixture(scope="module")
 def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:

@@ -37,6 +37,14 @@ class Searched:
         Whether joints were kept within their limits.
     cut_short : bool
         Whether there were more postures than are kept.
+
+    Examples
+    --------
+    >>> m = cc.load("three_rpr")
+    >>> modes = cc.postures(m, inputs=m.input_values(m.home), count=False)
+    >>> looked = modes.connections("q2 q3", resolution=30).searched
+    >>> list(looked.over), list(looked.held), looked.cut_short
+    (['q2', 'q3'], ['q1'], False)
     """
 
     over: Mapping[str, tuple[float, float]]
