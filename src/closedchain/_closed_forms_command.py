@@ -8,7 +8,7 @@ import typer
 
 from closedchain import _arguments as arguments
 from closedchain._options import Json, NoXacro, Robot, Settings, Variant
-from closedchain._terminal import print_json, say, tell
+from closedchain._terminal import print_json, remark, say, tell
 
 if TYPE_CHECKING:
     from closedchain.analysis.symbolic import SymbolicSingularities
@@ -33,6 +33,7 @@ def closed_forms(
     import closedchain as cc
 
     mechanism = arguments.load_robot(robot, settings or (), variant, xacro=not no_xacro)
+    remark("deriving closed forms ...")
     found = cc.symbolic_singularities(mechanism, arguments.assignments(names or (), "--name"))
     if json:
         print_json(_data(found))
