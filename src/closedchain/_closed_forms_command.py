@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -33,7 +34,8 @@ def closed_forms(
     import closedchain as cc
 
     mechanism = arguments.load_robot(robot, settings or (), variant, xacro=not no_xacro)
-    remark("deriving closed forms ...")
+    if sys.stderr.isatty():
+        remark("deriving closed forms ...")
     found = cc.symbolic_singularities(mechanism, arguments.assignments(names or (), "--name"))
     if json:
         print_json(_data(found))
