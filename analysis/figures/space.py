@@ -49,6 +49,7 @@ class PlaneCut:
     note: str = ""
     missed: int | None = None
     fit: Fit | None = None
+    grid: tuple[int, ...] = ()
 
 
 def draw_space(

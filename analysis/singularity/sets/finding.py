@@ -113,6 +113,18 @@ def set_of(
     check: bool = False,
 ) -> SingularitySet:
     """Singular set of a kind on a lattice; ``check`` it against a grid twice as fine."""
+    found = _sought(lattice, kind, outputs, progress, check=check)
+    return replace(found, grid=lattice.ok.shape)
+
+
+def _sought(
+    lattice: Lattice,
+    kind: str,
+    outputs: tuple[str, ...],
+    progress: Progress | None,
+    *,
+    check: bool,
+) -> SingularitySet:
     if kind == "combined":
         one, two = (set_of(lattice, k, outputs, progress, check=check) for k in BOTH)
         branch = [lattice, finer(lattice, progress)] if check else [lattice]
