@@ -32,8 +32,9 @@ def show(what: Figure | Mechanism | Embedded | str, *, dpi: float = 75) -> None:
     ModuleNotFoundError
         IPython is not there: the extra ``closedchain[notebooks]`` brings it.
     """
-    from IPython.display import Image, display
+    from IPython import display as below
 
+    shown: Any = below  # its functions have no annotations
     from closedchain.robots.embedding import Embedded
 
     if isinstance(what, Mechanism):
@@ -41,7 +42,7 @@ def show(what: Figure | Mechanism | Embedded | str, *, dpi: float = 75) -> None:
     elif isinstance(what, str):
         what = Embedded(what)
     if isinstance(what, Embedded):
-        display(what)
+        shown.display(what)
         return
     figure: Any = what
     if not callable(getattr(figure, "savefig", None)):
@@ -53,4 +54,4 @@ def show(what: Figure | Mechanism | Embedded | str, *, dpi: float = 75) -> None:
 
     image = BytesIO()
     figure.savefig(image, format="png", dpi=dpi)
-    display(Image(image.getvalue(), format="png", alt=words_of(figure)))
+    shown.display(shown.Image(image.getvalue(), format="png", alt=words_of(figure)))
