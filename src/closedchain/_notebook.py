@@ -38,8 +38,9 @@ def show(what: Figure | Mechanism | Embedded | str, *, dpi: float = 75) -> None:
     >>> cc.show(m)  # in a notebook this is the page whose sliders move the robot
     <page of ... kB; its .page is HTML for a file>
     """
-    from IPython.display import Image, display
+    from IPython import display as below
 
+    shown: Any = below  # its functions have no annotations
     from closedchain.robots.embedding import Embedded
 
     if isinstance(what, Mechanism):
@@ -47,7 +48,7 @@ def show(what: Figure | Mechanism | Embedded | str, *, dpi: float = 75) -> None:
     elif isinstance(what, str):
         what = Embedded(what)
     if isinstance(what, Embedded):
-        display(what)
+        shown.display(what)
         return
     figure: Any = what
     if not callable(getattr(figure, "savefig", None)):
@@ -59,4 +60,4 @@ def show(what: Figure | Mechanism | Embedded | str, *, dpi: float = 75) -> None:
 
     image = BytesIO()
     figure.savefig(image, format="png", dpi=dpi)
-    display(Image(image.getvalue(), format="png", alt=words_of(figure)))
+    shown.display(shown.Image(image.getvalue(), format="png", alt=words_of(figure)))

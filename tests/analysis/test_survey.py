@@ -244,3 +244,20 @@ def test_names_that_files_would_take_for_paths_are_refused_before_any_work() -> 
     slashed = cc.load_urdf(text.replace('"q1"', '"leg/q1"'))
     with pytest.raises(cc.ClosureError, match="'leg/q1' has a '/' in its name"):
         survey(slashed)
+
+
+@pytest.mark.parametrize(("robot", "over"), [("delta", ("q1", "q2")), ("excavator", ("ry",))])
+def test_default_ranges_reach_what_ends_in_them(robot: str, over: tuple[str, ...]) -> None:
+    """A radian to either side shows neither a singular set nor an end: the range is widened."""
+    m = cc.load(robot)
+    names = m.outputs(None)
+    span = Wanted(resolution=15, span=1.0)
+    narrow = axes_of_slice(m, over, {}, span, outputs=names)
+    wide = axes_of_slice(m, over, {}, Wanted(resolution=15), outputs=names)
+    ended = []
+    for axes in (narrow, wide):
+        found = cc.singularity_map(m, axes, outputs=names, progress=False)
+        ended.append(bool((found["status"] != 0).any()))
+    assert ended == [False, True]
+    for name in over:
+        assert np.ptp(wide[name]) <= 2.0 * np.pi + 1e-9
