@@ -20,6 +20,7 @@ from closedchain.analysis.forces.plant import plant_under
 
 ONE, BULK = "input efforts", "input efforts, in bulk"
 FORWARD, STEP = "forward dynamics", "a step of a simulation"
+STATES = "random closed states, one of many"
 LOOP = "Pinocchio + LAPACK"
 PUSH = np.array([10.0, -5.0, 20.0, 1.0, 0.5, -0.3])
 MANY = 20_000
@@ -40,6 +41,8 @@ def rows(case: Case, repeats: int) -> Iterator[Row]:
     many = np.tile(q, (MANY, 1))
     seconds = least(lambda: cc.input_efforts(m, many, PUSH), max(3, repeats // 200)) / MANY
     yield Row(case.robot, BULK, OURS, seconds)
+    seconds = least(lambda: cc.resets(m, MANY, workers=1), 1) / MANY
+    yield Row(case.robot, STATES, OURS, seconds, note="with velocities")
     if heavy:
         yield from forward(case.robot, m, q, repeats)
         for work, tool in ((FORWARD, "MuJoCo mj_forward"), (STEP, "MuJoCo mj_step")):

@@ -35,39 +35,7 @@ def direct(
     input_values: ArrayLike | Mapping[str, float],
     guess: ArrayLike | None = None,
 ) -> Any:
-    """Direct position problem: the posture with given inputs, on the assembly branch of ``guess``.
-
-    The inputs move on a straight line from those of the guess; the branch is followed in
-    sub-steps. A path that meets a direct singularity ends there: the answer then says where, and
-    carries the closest posture that could be found.
-
-    Parameters
-    ----------
-    input_values : (n_inputs,) array, or mapping of input name to value
-        [m or rad]. (n, n_inputs) for many at once.
-    guess : (nq,) array, optional
-        Posture whose branch is kept; home by default. It need not be closed to the last digit.
-        (n, nq) gives each of many its own.
-
-    Returns
-    -------
-    Solution
-        ``Solutions`` for many at once.
-
-    Raises
-    ------
-    ClosureError
-        Malformed numbers, unknown or missing inputs, or a mechanism without inputs.
-
-    Examples
-    --------
-    >>> m = cc.load("linear_delta")
-    >>> s = cc.direct(m, {"q1": -0.1, "q2": -0.15, "q3": -0.2}).raise_if_failed()
-    >>> print(m.point(s.q, "P").round(4))  # where the tip is [m]
-    [ 0.1117  0.0597 -0.5885]
-    >>> cc.direct(m, np.tile([-0.1, -0.15, -0.2], (1000, 1))).q.shape  # a thousand at once
-    (1000, 16)
-    """
+    """Posture with given inputs on the branch of a guess, as ``cc.direct`` says."""
     if not mechanism.inputs:
         raise ClosureError(f"mechanism {mechanism.name!r} has no inputs (<transmission> elements)")
     problem = mechanism.known.get(DRIVEN) or driven(mechanism)
@@ -105,42 +73,7 @@ def inverse(
     guess: ArrayLike | None = None,
     outputs: str | tuple[str, ...] | list[str] | None = None,
 ) -> Any:
-    """Inverse position problem: a posture with the tip at ``pose``, on the branch of ``guess``.
-
-    The tip moves from its pose at the guess: its origin on a straight line, its rotation about a
-    fixed axis. Where the guess itself is singular there is no branch to follow; the equations are
-    then solved by descent from the guess and from nearby starts.
-
-    Parameters
-    ----------
-    pose : pin.SE3
-        Of the tip in the world. Components that are no outputs are not used. For many at once a
-        sequence of them, or an (n, 7) array of origins [m] and unit quaternions x y z w.
-    guess : (nq,) array, optional
-        Home by default; (n, nq) gives each of many its own.
-    outputs : str, optional
-        Outputs that are prescribed; those of the task by default.
-
-    Returns
-    -------
-    Solution
-        ``Solutions`` for many at once. With fewer outputs than freedoms, the posture is the one
-        that short steps from the guess lead to.
-
-    Raises
-    ------
-    ClosureError
-        No task, malformed pose, outputs or guess.
-
-    Examples
-    --------
-    >>> m = cc.load("linear_delta")
-    >>> goal = m.pose(m.home)
-    >>> goal.translation = np.array([0.05, 0.0, -0.55])
-    >>> s = cc.inverse(m, goal).raise_if_failed()
-    >>> print(m.input_values(s.q).round(4))  # sliders [m]
-    [-0.073  -0.1056 -0.1056]
-    """
+    """Posture with the tip at a pose on the branch of a guess, as ``cc.inverse`` says."""
     problem = posed(mechanism, outputs)
     if not isinstance(pose, pin.SE3):
         return solve_many(problem, _poses(pose), guess)

@@ -59,7 +59,7 @@ def test_forces_beside_pinocchio() -> None:
     case = next(case for case in cases.CASES if case.robot == "d1")
     rows = sound(forces.rows(case, 20))
     works = {row["work"] for row in rows if row["tool"] == OURS}
-    assert works == {forces.ONE, forces.BULK, forces.FORWARD, forces.STEP}
+    assert works == {forces.ONE, forces.BULK, forces.STATES, forces.FORWARD, forces.STEP}
     m, q = case.start()
     assert abs(forces.by_lapack(m, q) - cc.input_efforts(m, q, forces.PUSH)).max() < 1e-9
 

@@ -46,14 +46,15 @@ def run(*words: object, cwd: Path) -> str:
     return done.stdout
 
 
-def of_the_package() -> set[str]:
+def of_the_package() -> dict[str, bytes]:
     """Files that belong into it, by their path inside."""
-    found = {path.name for path in (ROOT / "src" / "closedchain").iterdir() if path.is_file()}
+    top = ROOT / "src" / "closedchain"
+    found = {path.name: path for path in top.iterdir() if path.is_file()}
     for folder in FOLDERS:
         for path in (ROOT / folder).rglob("*"):
             if path.is_file() and "__pycache__" not in path.parts:
-                found.add(path.relative_to(ROOT).as_posix())
-    return {f"closedchain/{name}" for name in found}
+                found[path.relative_to(ROOT).as_posix()] = path
+    return {f"closedchain/{name}": path.read_bytes() for name, path in found.items()}
 
 
 @pytest.fixture(scope="module")
@@ -78,8 +79,8 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_wheel_and_sdist_hold_every_file_of_the_package(built: Path) -> None:
     (wheel,), (sdist,) = built.glob("*.whl"), built.glob("*.tar.gz")
     with zipfile.ZipFile(wheel) as archive:
-        held = {name for name in archive.namelist() if ".dist-info/" not in name}
-        assert all(archive.getinfo(name).file_size or name.endswith("py.typed") for name in held)
+        names = [name for name in archive.namelist() if ".dist-info/" not in name]
+        held = {name: archive.read(name) for name in names}
     assert held == of_the_package()
     assert {Path(name).suffix for name in held} >= {".py", ".xacro", ".js", ".css", ".c", ".typed"}
     with tarfile.open(sdist) as archive:

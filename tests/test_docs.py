@@ -1,11 +1,14 @@
 """The examples of README and docs/ run: every robot loads, every Python block is executed."""
 
 import re
+import shlex
 from dataclasses import asdict
 from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 import pytest
+import typer
 from conftest import Tolerances
 from typer.testing import CliRunner
 
@@ -14,8 +17,9 @@ from closedchain.cli import app
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / "docs"
+TOP = ("README.md", "CONTRIBUTING.md", "CHANGELOG.md", "examples/README.md")
 PAGES = {str(path.relative_to(DOCS)): path for path in sorted(DOCS.rglob("*.md"))}
-PAGES |= {name: ROOT / name for name in ("README.md", "CONTRIBUTING.md", "CHANGELOG.md")}
+PAGES |= {name: ROOT / name for name in TOP}
 FOLDERS = (
     *("urdf", "closure", "robots", "analysis", "src"),
     *("tests", "benchmarks", "docs", "examples", "notebooks", "website"),
@@ -55,6 +59,39 @@ def test_links_between_pages_lead_somewhere(page: str) -> None:
             titles = re.findall(r"^#+ (.*)$", linked.read_text(), re.M)
             slugs = {re.sub(r"[^\w\- ]", "", t.lower()).replace(" ", "-") for t in titles}
             assert anchor in slugs, target
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_commands_are_written_as_they_are_taken(page: str) -> None:
+    """Each line of a shell block is parsed, required options and all; none is run."""
+    group: Any = typer.main.get_command(app)
+    for line in shell(PAGES[page]):
+        words = shlex.split(line, comments=True)
+        for end in ("|", ">", "&&"):
+            words = words[: words.index(end)] if end in words else words
+        if words[:1] != ["closedchain"] or len(words) < 2 or words[1].startswith("-"):
+            continue
+        name, rest = words[1], words[2:]
+        assert name in group.commands, line
+        if not {"--help", "..."} & set(rest):
+            group.commands[name].make_context(name, rest)
+
+
+def shell(page: Path) -> list[str]:
+    """Lines of a page's blocks that are in no language, or the shell's; continued ones joined."""
+    found, language = [], None
+    for line in page.read_text().replace("\\\n", " ").splitlines():
+        if line.startswith("```"):
+            language = line[3:] if language is None else None
+        elif language in ("", "sh", "bash", "console"):
+            found.append(line.removeprefix("$ ").removeprefix(".venv/bin/"))
+    return found
+
+
+def test_pages_show_commands() -> None:
+    assert (
+        sum(line.startswith("closedchain ") for page in PAGES.values() for line in shell(page)) > 9
+    )
 
 
 def there(name: str) -> bool:

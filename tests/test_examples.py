@@ -1,7 +1,9 @@
 """The programs of examples/, run as their heads say."""
 
+import os
 import shutil
 import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +12,7 @@ import pytest
 
 import closedchain as cc
 
+BESIDE = Path(sys.executable).parent
 EXAMPLES = Path(__file__).resolve().parents[1] / "examples"
 CC = shutil.which("cc")
 
@@ -36,3 +39,26 @@ def test_a_delta_moves_along_a_circle(tmp_path: Path) -> None:
         assert np.abs(m.input_values(known.q) - sliders[k]).max() < 1e-6
     slopes = (sliders[2:] - sliders[:-2]) / (t[2:] - t[:-2])[:, None]
     assert np.abs(slopes - speeds[1:-1]).max() < 3e-3 * np.abs(speeds).max()
+
+
+def test_joints_come_through_a_pipe() -> None:
+    m = cc.load("linear_delta")
+    search = f"{BESIDE}{os.pathsep}{os.environ['PATH']}"
+    done = subprocess.run(
+        [sys.executable, EXAMPLES / "pipe_joints.py", "linear_delta"],
+        env=os.environ | {"PATH": search},
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+    assert done.returncode == 0, done.stderr
+    assert not done.stderr
+    lines = [dict(w.split("=") for w in line.split() if "=" in w)
+             for line in done.stdout.splitlines()]  # fmt: skip
+    assert len(lines) == 100
+    home, first = m.input_values(m.home), np.array([1.0, 0.0, 0.0])
+    assert lines[0] == lines[50]
+    for k in (0, 25, 60):
+        q = cc.direct(m, home + 0.1 * np.sin(2 * np.pi * k / 100) * first).raise_if_failed().q
+        told = np.array([float(lines[k][name]) for name in list(m.model.names)[1:]])
+        assert np.abs(told - q).max() < 1e-4

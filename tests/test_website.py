@@ -84,17 +84,24 @@ def test_every_command_is_in_the_reference(source: Path) -> None:
 
 def test_a_notebook_keeps_its_text_code_and_pictures(tmp_path: Path) -> None:
     (tmp_path / "notebooks").mkdir()
-    picture = {"data": {"image/png": [base64.b64encode(b"png").decode()], "text/plain": ["<Map>"]}}
+    data = {"image/png": [base64.b64encode(b"png").decode()], "text/plain": ["<Image object>"]}
+    picture = {"data": data, "metadata": {"image/png": {"alt": "A map of q1 [m]\nand q2"}}}
+    page = {"data": {"text/html": "<div><iframe srcdoc='&lt;p&gt;'></iframe></div>"}}
+    warning = {"name": "stderr", "text": "a warning"}
     cells = [
         {"cell_type": "markdown", "source": ["# A title\n", "and words"]},
         {"cell_type": "code", "source": "print(1)", "outputs": [{"text": ["1\n"]}, picture]},
+        {"cell_type": "code", "source": "show()", "outputs": [page, warning]},
     ]
     (tmp_path / "notebooks" / "one.ipynb").write_text(json.dumps({"cells": cells}))
     notebooks.write(tmp_path, tmp_path / "out")
     text = (tmp_path / "out" / "notebooks" / "one.md").read_text()
     assert text.startswith("# A title\nand words\n\n```python\nprint(1)\n```\n\n```text\n1\n```")
-    assert "![<Map>](one_1.png)" in text
+    assert "![A map of q1 (m) and q2](one_1.png)" in text
     assert (tmp_path / "out" / "notebooks" / "one_1.png").read_bytes() == b"png"
+    assert '<iframe class="robot" src="one_2.html"' in text
+    assert "srcdoc" in (tmp_path / "out" / "notebooks" / "one_2.html").read_text()
+    assert "a warning" not in text
 
 
 def test_exhibits_are_robots_and_commands_that_there_are() -> None:

@@ -12,6 +12,7 @@ from lxml import etree
 from closedchain.urdf.description import Description
 
 _PACKAGE, _FILE = "package://", "file://"
+FEW = 3  # missing meshes that are named one by one
 ROS_PATH = "ROS_PACKAGE_PATH"
 
 
@@ -27,7 +28,7 @@ def with_mesh_paths(description: Description) -> tuple[str, tuple[str, ...]]:
         return text, ()
     parser = etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False)
     root = etree.fromstring(text.encode("utf-8"), parser)
-    missing: list[str] = []
+    missing: list[tuple[str, str]] = []
     for link in root.iterfind("./{*}link"):
         for visual in link.findall("./{*}visual"):
             mesh = visual.find("./{*}geometry/{*}mesh")
@@ -37,19 +38,32 @@ def with_mesh_paths(description: Description) -> tuple[str, tuple[str, ...]]:
             found = next((path for path in _places(name, description) if path.is_file()), None)
             if found is None:
                 link.remove(visual)
-                missing.append(
-                    f"mesh {name!r} of link {link.get('name')!r} was not found{_hint(name)}: the "
-                    "link is drawn without it"
-                )
+                missing.append((name, link.get("name", "")))
             else:
                 mesh.set("filename", str(found))
-    return etree.tostring(root, encoding="unicode"), tuple(missing)
+    return etree.tostring(root, encoding="unicode"), tuple(_missed(missing))
+
+
+def _missed(missing: list[tuple[str, str]]) -> Iterator[str]:
+    """Sentences on meshes and their links, one for all where there are many."""
+    if len(missing) > FEW:
+        name, link = missing[0]
+        yield (
+            f"{len(missing)} meshes were not found, such as {name!r} of link {link!r}"
+            f"{_hint(name)}: their links are drawn without them"
+        )
+        return
+    for name, link in missing:
+        yield (
+            f"mesh {name!r} of link {link!r} was not found{_hint(name)}: the link is drawn "
+            "without it"
+        )
 
 
 def _places(name: str, description: Description) -> Iterator[Path]:
     folder = Path(description.folder or os.curdir)
     if name.startswith(_PACKAGE):
-        package, _, rest = name.removeprefix(_PACKAGE).partition("/")
+        package, _, rest = name.removeprefix(_PACKAGE).lstrip("/").partition("/")
         ros = os.environ.get(ROS_PATH, "").split(os.pathsep)
         for place in (*description.package_dirs, *filter(None, ros)):
             yield Path(place) / package / rest

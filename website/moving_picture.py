@@ -18,6 +18,7 @@ from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
+import xarray as xr
 from PIL import Image
 
 import closedchain as cc
@@ -113,7 +114,7 @@ def on_white(picture: Image.Image) -> Image.Image:
 
 
 def marked(
-    cells: object, curve: cc.SingularitySet, tilts: np.ndarray, azimuths: np.ndarray
+    cells: xr.Dataset, curve: cc.SingularitySet, tilts: np.ndarray, azimuths: np.ndarray
 ) -> list[Image.Image]:
     """The map of tilts with a mark at each of them."""
     import matplotlib as mpl

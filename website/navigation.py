@@ -15,7 +15,7 @@ GUIDES = {
     "Singularities": "singularities maps sets symbolic",
     "Motion": "self_motion follow",
     "Forces": "forces transmissions resets",
-    "Show and hand on": "view figures export_code",
+    "Show and hand on": "view figures export_code examples",
 }
 REST = "Further"
 """Heading of guides that stand nowhere else."""

@@ -71,12 +71,16 @@ def _kind_handles(kind: str, sets: Sequence[DrawableSet], scheme: Scheme) -> lis
             )
         )  # fmt: skip
     if any(piece.ndim == 2 for piece in pieces):
-        rim = "black" if EDGES[kind] else "none"
-        face = f"{label}, in space"
-        handles.append(Patch(fc=colour, alpha=0.45, ec=rim, lw=EDGES[kind], label=face))
+        rim = colour if EDGES[kind] else "none"
+        words = f"{label}, in space"
+        handles.append(
+            Patch(fc=scheme.faces[kind], alpha=0.45, ec=rim, lw=EDGES[kind], label=words)
+        )
     if any(found.everywhere for found in sets):
         whole = f"{label}, everywhere"
-        handles.append(Patch(fc=colour, alpha=0.35, hatch=HATCHES[kind], ec="#999999", label=whole))
+        handles.append(
+            Patch(fc=scheme.faces[kind], alpha=0.35, hatch=HATCHES[kind], ec="#999999", label=whole)
+        )
     return handles
 
 

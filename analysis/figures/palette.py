@@ -28,18 +28,25 @@ GREY = "#888888"
 
 @dataclass(frozen=True)
 class Scheme:
-    """Colours of a figure: of kinds by name, and colour maps by the scale of a measure."""
+    """Colours of a figure: lines and faces of kinds, and colour maps by the scale of a measure.
+
+    ``blanks``: whether cells without a posture have colours beside their hatches.
+    """
 
     kinds: Mapping[str, str]
+    faces: Mapping[str, str]
     maps: Mapping[str, str]
     blanks: bool
 
 
-COLOURED = Scheme(COLOURS, {"zero": "cividis", "signed": "PRGn", "log": "viridis_r"}, blanks=True)
+COLOURED = Scheme(
+    COLOURS, COLOURS, {"zero": "cividis", "signed": "PRGn", "log": "viridis_r"}, blanks=True
+)
 """All maps even in lightness or safe for the colour-blind."""
 PRINTED = Scheme(
     dict.fromkeys(COLOURS, "#000000") | {"constraint": "#444444"},
-    {"zero": "gray", "signed": "gray", "log": "gray_r"},
+    {"direct": "#909090", "inverse": "#FFFFFF", "combined": "#404040", "constraint": "#D0D0D0"},
+    {"zero": "Greys", "signed": "Greys", "log": "Greys_r"},  # light where it is singular
     blanks=False,
 )
 """For print without colours: kinds differ by dashes and markers, cells by hatches."""

@@ -67,7 +67,7 @@ def draw_panel(
     if whole:
         there = np.where(np.isfinite(values), 1.0, np.nan)
         kind = str(measure.kind)
-        _fill(ax, edges, there, scheme.kinds[kind], alpha=0.35)
+        _fill(ax, edges, there, scheme.faces[kind], alpha=0.35)
         _hatch(ax, edges, np.isfinite(values), HATCHES[kind])
         ax.set_title(f"every posture is {measure.kind}ly singular", fontsize=10)
     else:

@@ -10,7 +10,7 @@ import numpy as np
 if TYPE_CHECKING:
     import os
 
-    from matplotlib.figure import Figure
+    from matplotlib.figure import Figure, SubFigure
 
 ALT = ".alt.txt"
 
@@ -39,19 +39,28 @@ def save_figure(figure: Figure, image: str | os.PathLike[str], words: str, dpi: 
 
 def words_of(figure: Figure) -> str:
     """What a figure of curves and coloured maps shows: titles, axes, and the range of each line."""
-    said = [figure.get_suptitle()] if figure.get_suptitle() else []
+    said = _headings(figure)
     for ax in figure.axes:
         title = ax.get_title() or ax.get_title("left") or ax.get_ylabel()
         lines = [words for line in ax.lines if (words := _words_of_line(line))]
         for part in ax.collections:
-            values: np.ma.MaskedArray = np.ma.masked_invalid(np.ma.asarray(part.get_array()))
-            if part.get_array() is not None and values.count():
-                lines.append(f"colours from {values.min():.3g} to {values.max():.3g}")
+            array = part.get_array()
+            if array is None or not (finite := np.ma.masked_invalid(array).compressed()).size:
+                continue
+            if finite.min() < finite.max():  # no cells of one colour, which only fill
+                lines.append(f"colours from {finite.min():.3g} to {finite.max():.3g}")
         if lines and title:
             beside = f" [{ax.get_ylabel()}]" if ax.get_ylabel() not in ("", title) else ""
             over = f" over {ax.get_xlabel()}" if ax.get_xlabel() else ""
             said.append(f"{title}{beside}{over}: {', '.join(lines)}")
-    return " ".join(f"{one}." for one in said)
+    return " ".join(f"{one.rstrip('.')}." for one in said)
+
+
+def _headings(figure: Figure | SubFigure) -> list[str]:
+    """Headings of a figure and its parts, and what stands below these."""
+    parts = [figure, *figure.subfigs]
+    texts = [text for part in parts for text in (part.get_suptitle(), part.get_supxlabel())]
+    return [" ".join(text.split()) for text in texts if text]
 
 
 def _words_of_line(line: Any) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -24,6 +25,8 @@ from closedchain.analysis.survey.set_tables import DrawableSet, polylines
 
 if TYPE_CHECKING:
     import xarray as xr
+
+MEET = 1e-7  # share of the range: ends nearer than this are one
 
 MOST_TRIANGLES = 20_000
 """Triangles of one set drawn in space; of larger meshes evenly chosen ones."""
@@ -46,6 +49,7 @@ class PlaneCut:
     note: str = ""
     missed: int | None = None
     fit: Fit | None = None
+    grid: tuple[int, ...] = ()
 
 
 def draw_space(
@@ -59,17 +63,17 @@ def draw_space(
     for found in sets:
         columns = [found.over.index(n) for n in names]
         points, colour = found.coordinates[:, columns], scheme.kinds[found.kind]
+        face = scheme.faces[found.kind]
         for piece in found.pieces:
             if piece.ndim != 2 or not len(piece):
                 continue
             step = -(-len(piece) // MOST_TRIANGLES)
-            ax.add_collection3d(
-                Poly3DCollection(
-                    points[piece[::step]], facecolors=colour, alpha=0.45, shade=True,
-                    edgecolor="black" if EDGES[found.kind] else "none",
-                    linewidth=EDGES[found.kind],
-                )
+            mesh = Poly3DCollection(
+                points[piece[::step]], facecolors=face, alpha=0.45, shade=True,
+                edgecolor=colour if EDGES[found.kind] else "none",
+                linewidth=EDGES[found.kind],
             )  # fmt: skip
+            ax.add_collection3d(mesh)
         for line, _ in polylines(found):
             style: dict[str, Any] = {"lw": 2.0, "ls": DASHES[found.kind]}
             if len(line) == 1:
@@ -78,6 +82,8 @@ def draw_space(
     start = start_within(data)
     if start is not None:
         mark_start(ax, *start[1])
+    for artist in (*ax.lines, *ax.collections):
+        artist.set_in_layout(False)  # extents on paper are not known before the first drawing
     for axis, name in zip("xyz", names, strict=True):
         values = data[name].to_numpy()
         getattr(ax, f"set_{axis}lim")(values[0], values[-1])
@@ -117,16 +123,55 @@ def cut(found: DrawableSet, name: str, value: float, rest: tuple[str, ...]) -> P
             corners = found.coordinates[piece]
             segments.append(_crossings(corners[..., k] - value, corners[..., columns]))
     lines = np.concatenate(segments)
-    n = 2 * len(lines)
+    chains = _chains(lines)
+    ends = np.cumsum([0, *(len(chain) for chain in chains)])
+    whole = np.concatenate([np.zeros((0, 2)), *chains])
     return PlaneCut(
         kind=found.kind,
         over=rest,
-        coordinates=lines.reshape(n, 2),
-        pieces=tuple(np.arange(n).reshape(-1, 2)),
+        coordinates=whole,
+        pieces=tuple(np.arange(i, j) for i, j in pairwise(ends.tolist())),
         ends=(),
-        on_branch=np.ones(n, dtype=bool),
+        on_branch=np.ones(len(whole), dtype=bool),
         everywhere=found.everywhere,
     )
+
+
+def _chains(segments: np.ndarray) -> list[np.ndarray]:
+    """Polylines (n, 2) that segments (s, 2, 2) make where their ends meet: dashes run on there."""
+    if not len(segments):
+        return []
+    span = np.ptp(segments.reshape(-1, 2), axis=0)
+    size = max(float(np.abs(segments).max()), 1e-300)
+    keys = np.round(segments / np.maximum(span, 1e-6 * size) / MEET).astype(np.int64)
+    _, number = np.unique(keys.reshape(-1, 2), axis=0, return_inverse=True)
+    at: dict[int, list[int]] = {}
+    both = number.reshape(-1, 2).tolist()
+    for i, pair in enumerate(both):
+        for end in pair:
+            at.setdefault(end, []).append(i)
+    chains, used = [], np.zeros(len(segments), dtype=bool)
+
+    def onward(i: int, end: int) -> list[np.ndarray]:
+        """Points beyond one end of a segment, as far as no other chain meets there."""
+        points = []
+        while len(at[end]) == 2:
+            i = at[end][0] if at[end][1] == i else at[end][1]
+            if used[i]:
+                break
+            used[i] = True
+            side = 1 if both[i][0] == end else 0
+            points.append(segments[i, side])
+            end = both[i][side]
+        return points
+
+    for i in range(len(segments)):
+        if not used[i]:
+            used[i] = True
+            after = onward(i, both[i][1])
+            before = onward(i, both[i][0])
+            chains.append(np.array([*before[::-1], *segments[i], *after]))
+    return chains
 
 
 def _crossings(height: np.ndarray, corners: np.ndarray) -> np.ndarray:

@@ -192,8 +192,10 @@ def input_efforts(
         worst = int(np.argmax(told[1]))
         raise ClosureError(f"posture {worst} is not closed: a row is open by {told[1, worst]:.3g}")
     found = np.ascontiguousarray(told[2:].T)
-    for i in np.flatnonzero(~(np.abs(told[0]) > PIVOT)):
-        found[i] = _alone(mechanism, table[i], wrenches, on.gravity)
+    fine = np.abs(told[0]) > PIVOT
+    if not fine.all():
+        for i in np.flatnonzero(~fine):
+            found[i] = _alone(mechanism, table[i], wrenches, on.gravity)
     return found if postures.ndim == 2 else found[0]
 
 

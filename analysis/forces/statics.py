@@ -285,7 +285,7 @@ def _weightless(on: Loads) -> str:
     """What is said where weights were asked for and nothing has a mass."""
     if not on.gravity.any() or any(inertia.mass for inertia in on.model.inertias):
         return ""
-    return "; no link that moves has a mass, so that weights are none (cc.with_inertias)"
+    return "; no link that moves has a mass, so that weights are none (cc.with_inertias, --density)"
 
 
 def _listed(undetermined: Mapping[str, tuple[str, ...]]) -> str:

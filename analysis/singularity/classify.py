@@ -27,6 +27,7 @@ from closedchain.analysis.structure.driving import driving
 from closedchain.analysis.structure.mobility import generic_rank
 from closedchain.closure.generic import generic_ranks
 from closedchain.closure.mechanism import Mechanism
+from closedchain.closure.modes.choosing import mode_posture
 from closedchain.closure.ranks import Rank
 from closedchain.urdf.description import OUTPUTS
 
@@ -116,7 +117,7 @@ class Classification:
 
 def classify(
     mechanism: Mechanism,
-    q: ArrayLike,
+    q: ArrayLike | str | int,
     outputs: str | tuple[str, ...] | list[str] | None = None,
     *,
     tolerance: float | None = None,
@@ -128,7 +129,8 @@ def classify(
 
     Parameters
     ----------
-    q : (nq,) array
+    q : (nq,) array, or str or int
+        A posture, or a mode by name or number, as ``cc.direct`` takes it.
     outputs : str, optional
         Such as "x y z rx rz"; those of the task by default.
     tolerance : float, optional
@@ -148,6 +150,8 @@ def classify(
     >>> sorted(cc.classify(m, m.home, "x y z rx rz").kinds)  # a task without rotation about y
     []
     """
+    if isinstance(q, str | int):
+        q = mode_posture(mechanism, q)
     at = first_order(mechanism, q, outputs)
     generic = generic_ranks(mechanism, at.outputs)
     decided = Deciding(at) if tolerance is None else ByShare(at, tolerance)

@@ -165,4 +165,4 @@ def _text(d: Dependence) -> str:
         f"Smallest entry that counts {d.smallest_dependent:.2g}, largest that does not "
         f"{d.largest_independent:.1g}, as shares of the largest entry of the twist map."
     )
-    return "\n".join(textwrap.fill(line, 100, subsequent_indent="    ") for line in lines)
+    return "\n".join(textwrap.fill(line, 80, subsequent_indent="    ") for line in lines)

@@ -275,4 +275,4 @@ def _text(graph: LoopGraph) -> str:
         lines.append(f"  in no loop: {names}")
     if graph.components > 1:
         lines.append(f"  {graph.components} parts that no pair connects")
-    return "\n".join(textwrap.fill(line, 100, subsequent_indent="    ") for line in lines)
+    return "\n".join(textwrap.fill(line, 80, subsequent_indent="    ") for line in lines)

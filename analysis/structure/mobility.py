@@ -215,4 +215,4 @@ def _text(
         if remark.about == "mobility":
             source = f" [{remark.source}]" if remark.source else ""
             lines.append(f"{remark.text}{source}")
-    return "\n".join(textwrap.fill(line, 100) for line in lines)
+    return "\n".join(textwrap.fill(line, 80) for line in lines)

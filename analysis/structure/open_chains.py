@@ -198,4 +198,4 @@ def structure_text(s: Structure) -> str:
             f"Coupling degree {s.coupling_degree} ({searched}). Assur chains: {parts or 'none'}."
         )
     head = f"{s.name}: loop ranks {', '.join(map(str, s.ranks)) or 'none'}."
-    return "\n".join(textwrap.fill(line, 100, subsequent_indent="  ") for line in (head, *lines))
+    return "\n".join(textwrap.fill(line, 80, subsequent_indent="  ") for line in (head, *lines))

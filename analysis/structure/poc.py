@@ -250,7 +250,7 @@ def _text(p: Poc, mechanism: Mechanism) -> str:
         if p.finite
         else "The ranks or displacements disagree between postures: true at some of them only."
     )
-    return "\n".join(textwrap.fill(line, 100, subsequent_indent="  ") for line in lines)
+    return "\n".join(textwrap.fill(line, 80, subsequent_indent="  ") for line in lines)
 
 
 def _directions(what: str, count: int, kept: np.ndarray, decision: Rank) -> str:

@@ -90,13 +90,15 @@ def _pieces(found: DrawableSet) -> str:
 def method(data: xr.Dataset, sets: Iterable[DrawableSet]) -> str:
     """How the sets of a map were looked for, in a sentence."""
     sets = list(sets)
-    grid = _TIMES.join(str(n) for n in data["status"].shape)
+    cells = _TIMES.join(str(n) for n in data["status"].shape)
     if not sets:
-        return f"Map of {grid} cells; singular sets were not looked for."
+        return f"Map of {cells} cells; no singular sets are drawn."
+    grids = sorted({_TIMES.join(str(n) for n in found.grid) for found in sets if found.grid})
+    grid = f"a grid of {' or '.join(grids)} cells" if grids else "a grid"
     unchecked = any(found.missed is None and not found.everywhere for found in sets)
     return (
         "Singular points are solved to rounding from sign changes, ends of the branch and least "
-        f"values on the map's grid of {grid} cells; what lies between its lines altogether can be "
+        f"values on {grid}; what lies between its lines altogether can be "
         f"missed{', and no finer grid was tried' if unchecked else ''}."
     )
 
@@ -138,4 +140,7 @@ def description(data: xr.Dataset, sets: Iterable[DrawableSet], measures: Iterabl
 
 
 def _percent(share: float) -> str:
-    return f"{100.0 * share:.0f} %" if 0.005 < share < 0.995 else f"{100.0 * share:.2g} %"
+    percent = 100.0 * share
+    if 0.5 < percent < 99.5 or percent == 100.0:
+        return f"{percent:.0f} %"
+    return f"{percent:.2f} %" if percent > 50.0 else f"{percent:.1g} %"

@@ -13,6 +13,7 @@ from closedchain.analysis.singularity.maps.mapping import singularity_map
 from closedchain.closure.chart import Chart, joint_index
 from closedchain.closure.charting import chart_of
 from closedchain.closure.mechanism import Mechanism
+from closedchain.closure.modes.choosing import by_pose, mode_posture
 from closedchain.urdf.errors import ClosureError
 
 if TYPE_CHECKING:
@@ -107,7 +108,8 @@ def axes_of_slice(
         Unknown coordinates or mode, bad ranges or numbers of points, a start from which the slice
         cannot be followed.
     """
-    start = None if mode is None else mechanism.posture(mode)
+    working = by_pose(mechanism, names)
+    start = None if mode is None else mode_posture(mechanism, mode, working=working)
     chart = chart_of(mechanism, names, dict(at) or None, outputs, start=start)
     points = {name: _points(wanted.resolution, name, len(names)) for name in names}
     span = SPAN if wanted.span is None else wanted.span

@@ -58,6 +58,10 @@ class DrawableSet(Protocol):
         """Sign changes of a finer grid away from the set; None: not checked."""
 
     @property
+    def grid(self) -> tuple[int, ...]:
+        """Cells along each axis of the grid from which it was sought."""
+
+    @property
     def fit(self) -> Fit | None:
         """How well the triangles of a surface lie on it."""
 
@@ -87,6 +91,7 @@ class SavedSet:
     dropped: int = 0
     missed: int | None = None
     fit: Fit | None = None
+    grid: tuple[int, ...] = ()
 
 
 def polylines(found: DrawableSet) -> list[tuple[np.ndarray, bool]]:
@@ -157,6 +162,7 @@ def table(found: SingularitySet | SavedSet) -> xr.Dataset:
         "dimension": found.dimension,
         "everywhere": int(found.everywhere),
         "dropped": found.dropped,
+        "grid": "\t".join(map(str, found.grid)),
         "missed": -1 if found.missed is None else found.missed,
         **({} if found.fit is None else _fit_labels(found.fit)),
         # netCDF attributes hold lists of texts badly: a line for each polyline
@@ -208,6 +214,7 @@ def _read(data: xr.Dataset) -> SavedSet:
         dropped=int(data.attrs.get("dropped", 0)),
         missed=missed if (missed := int(data.attrs.get("missed", -1))) >= 0 else None,
         fit=_read_fit(data),
+        grid=tuple(int(n) for n in str(data.attrs.get("grid", "")).split()),
     )
 
 

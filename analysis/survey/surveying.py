@@ -6,7 +6,7 @@ This is what ``closedchain singularities`` runs; every part is also there by its
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -201,8 +201,6 @@ def survey(
     for name in (*wanted.ranges, *at):
         if name not in coordinate_names(mechanism):
             raise ClosureError(known_names(name, "coordinate", coordinate_names(mechanism)))
-    if mode is not None:
-        mechanism.posture(mode)
 
     asked = [tuple(map(str, s)) for s in slices] if slices is not None else []
     check_slices(asked)
@@ -316,7 +314,10 @@ def _sets(
     def of(kind: str) -> SingularitySet:
         if kind not in traced:
             traced[kind] = (
-                meeting([lattice], of("direct"), of("inverse"), outputs)
+                replace(
+                    meeting([lattice], of("direct"), of("inverse"), outputs),
+                    grid=lattice.ok.shape,
+                )
                 if kind == "combined"
                 else set_of(lattice, kind, outputs, report)
             )

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from closedchain.closure.chart import joint_index, joint_names
 from closedchain.closure.mechanism import Mechanism
 from closedchain.closure.modes.certificates import certified
-from closedchain.closure.modes.counting import Counted, counted
+from closedchain.closure.modes.counting import Counted, counted, kept_on_disk
 from closedchain.closure.modes.result import Family, Postures
 from closedchain.closure.modes.seeking import (
     LEAST,
@@ -33,6 +33,7 @@ from closedchain.closure.ranks import null_space
 from closedchain.closure.solve.path import follower_of
 from closedchain.closure.solve.problem import Problem, problem_of
 from closedchain.closure.solve.search import search
+from closedchain.closure.solve.ways import follow
 from closedchain.closure.turns import tied, turning, without_turns
 from closedchain.urdf.description import OUTPUTS
 from closedchain.urdf.errors import ClosureError, known_names
@@ -139,23 +140,24 @@ def postures(
     asked = Search(starts, seed, None if seconds is None else time.monotonic() + seconds, progress)
     if not question.problem.square:
         return _families(question, asked)
-    notes: list[str] = []
-    found, in_time = _searched(question, shapes_of(mechanism), asked)
+    shapes, notes = shapes_of(mechanism), list[str]()
+    whole, in_time = None, True
+    if count and turns_that_count(mechanism):
+        notes.append("Relations of its joints count whole turns: its solutions are only searched.")
+        count = False
+    early = count and kept_on_disk(question.problem)
+    if early:
+        whole = _counted(question, asked, notes)
+        # what was counted is all there is: a few starts then check it
+        asked = replace(asked, most=min(starts, LEAST)) if _settled(whole) else asked
+    found, in_time = _searched(question, shapes, asked)
     if not in_time:
         notes.append("The time allowed was used up while searching.")
     found, families = with_singular(question.problem, question.targets, found)
-    whole = None
-    if count and turns_that_count(mechanism):
-        notes.append("Relations of its joints count whole turns: its solutions are only searched.")
-    elif count and in_time:
-        try:
-            whole = _counted(question, asked)
-        except OutOfTime:
-            notes.append("The time allowed was used up before the solutions were counted.")
-        except TypeError as error:  # what complex numbers do not have
-            notes.append(f"The solutions cannot be counted: {error}.")
-        else:
-            found = _together(question, shapes_of(mechanism), found, whole)
+    if count and in_time and not early:
+        whole = _counted(question, asked, notes)
+    if whole is not None:
+        found = _together(question, shapes, found, whole)
     return _result(question, found, whole, families, notes)
 
 
@@ -168,14 +170,25 @@ def _joint(mechanism: Mechanism, name: str) -> tuple[int, int]:
         raise ClosureError(known_names(name, "joint with one freedom", known)) from None
 
 
-def _counted(question: Question, asked: Search) -> Counted:
-    """Complex solutions, with whole turns of what is held left out."""
+def _counted(question: Question, asked: Search, notes: list[str]) -> Counted | None:
+    """Complex solutions, with whole turns of what is held left out; a note where there are none."""
     problem = question.problem
     m, targets = problem.mechanism, question.targets.copy()
     turns = (turning(m) & ~tied(m))[list(problem.pinned)]
     held = targets[: len(problem.pinned)]
     targets[: len(problem.pinned)] = without_turns(held, turns)
-    return counted(problem, shapes_of(m), targets, asked.report)
+    try:
+        return counted(problem, shapes_of(m), targets, asked.report)
+    except OutOfTime:
+        notes.append("The time allowed was used up before the solutions were counted.")
+    except TypeError as error:  # what complex numbers do not have
+        notes.append(f"The solutions cannot be counted: {error}.")
+    return None
+
+
+def _settled(whole: Counted | None) -> bool:
+    """Whether a count leaves nothing open."""
+    return whole is not None and whole.known and not whole.lost
 
 
 def _searched(question: Question, shapes: Shapes, asked: Search) -> tuple[Sought, bool]:
@@ -220,7 +233,7 @@ def _question(
         if not mechanism.inputs:
             raise ClosureError(
                 f"{mechanism.name!r} has no inputs (<transmission> elements); hold joints with "
-                "fixed={joint: value, ...}"
+                "fixed={joint: value, ...} (--fixed JOINT=VALUE)"
             )
         values = mechanism.input_vector(inputs, "input values")
         said = ", ".join(f"{n} = {x:.6g}" for n, x in zip(mechanism.inputs, values, strict=True))
@@ -271,8 +284,9 @@ def _result(
     q = unwound(m, found.q)
     closed = [float(np.abs(m.workspace.residual(x)).max(initial=0.0)) < OPEN for x in q]
     q, hits = q[closed], found.hits[closed]
-    order = _order(m, q)
-    q, hits, n = q[order], hits[order], len(q)
+    branch = _branches(question, q)
+    order = _order(question, q, branch)
+    q, hits, branch, n = q[order], hits[order], branch[order], len(q)
     complex_count, complete, infinite = None, "searched", 0
     multiplicity = np.ones(n, dtype=int)
     if whole is not None:
@@ -284,13 +298,14 @@ def _result(
             notes.append("Where families stand, solutions cannot be counted.")
         elif whole.known and whole.lost == explained and agree:
             complete, complex_count = "counted", len(whole.q) + whole.lost
+            if not whole.traced:
+                notes.append(
+                    "The trace test would take too many points: the number was checked by loops "
+                    "and random starts at several places alone."
+                )
         else:
             notes.append(_why_not(whole, agree=agree))
-    every = np.repeat(question.targets[None], n, axis=0)
     proof = certified(problem, q, question.targets) if problem.square else None
-    branch = np.zeros(n, dtype=int)
-    if problem.square and n:
-        branch = np.sign(follower_of(problem).run(q, every, every).det).astype(int)
     if problem.redundant and n:
         others = len(problem.units) - len(problem.kept)
         notes.append(
@@ -372,18 +387,47 @@ def _why_not(whole: Counted, *, agree: bool) -> str:
             f"{whole.lost} paths ended before the values asked for, at singular solutions: the "
             "count is not complete."
         )
-    return "Two counts of its generic solutions do not agree: the count is not complete."
+    return "The check of the number of generic solutions did not hold: the count is not complete."
 
 
-def _order(mechanism: Mechanism, q: np.ndarray) -> np.ndarray:
-    """Order of postures (n, nq): home's first, the others by where their joints stand."""
+def _branches(question: Question, q: np.ndarray) -> np.ndarray:
+    """Signs (n,) of the determinant at postures (n, nq), 0 where there is none."""
+    problem = question.problem
+    if not problem.square or not len(q):
+        return np.zeros(len(q), dtype=int)
+    every = np.repeat(question.targets[None], len(q), axis=0)
+    return np.sign(follower_of(problem).run(q, every, every).det).astype(int)
+
+
+def _order(question: Question, q: np.ndarray, branch: np.ndarray) -> np.ndarray:
+    """Order of postures (n, nq): that on home's branch first, the others by sign and place.
+
+    Two that are about to meet have different signs, and do not change places.
+    """
     if not len(q):
         return np.zeros(0, dtype=int)
-    shapes = shapes_of(mechanism)
-    numbers = shapes.of(q)
+    place = _place(question.problem.mechanism, q)
+    return np.lexsort((place, -branch, ~_of_home(question, q)))
+
+
+def _place(mechanism: Mechanism, q: np.ndarray) -> np.ndarray:
+    """A number (n,) for where the joints of postures (n, nq) stand."""
+    numbers = shapes_of(mechanism).of(q)
     spread = np.sin(np.arange(1, numbers.shape[1] + 1) * 1.7) if numbers.shape[1] else np.zeros(0)
-    home = np.abs(numbers - shapes.of(mechanism.home[None])).max(axis=1, initial=0.0) < 1e-3
-    return np.lexsort((numbers @ spread, ~home))
+    return np.asarray(numbers @ spread)
+
+
+def _of_home(question: Question, q: np.ndarray) -> np.ndarray:
+    """Which of the postures (n, nq) is home, or what home's branch leads to, (n,) of bool."""
+    problem = question.problem
+    m, home = problem.mechanism, problem.mechanism.home
+    if problem.square and not m.home_open:
+        begin = problem.targets_at(home)
+        way = follow(problem, home[None], begin, question.targets[None])
+        home = way.q[0] if way.reached[0] == 1.0 else home
+    shapes = shapes_of(m)
+    apart = np.abs(shapes.of(q) - shapes.of(home[None])).max(axis=1, initial=0.0)
+    return np.asarray((apart < 1e-3) & (apart == apart.min()))
 
 
 def _names(mechanism: Mechanism, q: np.ndarray, branch: np.ndarray) -> tuple[str, ...]:
@@ -398,9 +442,10 @@ def _names(mechanism: Mechanism, q: np.ndarray, branch: np.ndarray) -> tuple[str
             if apart[near] < 1e-3 and near not in own:
                 own[near] = name
     signs = {1: "+", -1: "-", 0: ""}
-    counts = {1: 0, -1: 0, 0: 0}
+    place = _place(mechanism, q) if len(q) else np.zeros(0)
     names = []
     for i, sign in enumerate(branch.tolist()):
-        counts[sign] += 1
-        names.append(own.get(i, f"{signs[sign]}{counts[sign]}"))
+        # by their places, whether named or not: a name that a posture gets moves no other's number
+        number = 1 + int((place[branch == sign] < place[i]).sum())
+        names.append(own.get(i, f"{signs[sign]}{number}"))
     return tuple(names)

@@ -11,9 +11,10 @@ from functools import cached_property
 
 import numpy as np
 
-from closedchain.closure.modes.complex_equations import ComplexEquations
+from closedchain.closure.modes.complex_equations import ComplexEquations, normalised
 from closedchain.closure.modes.newton_steps import NewtonSteps, newton_steps
 from closedchain.closure.modes.places import random_place, random_postures
+from closedchain.closure.solve.problem import POSE
 from closedchain.closure.solve.square_systems import solutions
 
 SAMPLES = 6
@@ -56,7 +57,9 @@ class Block:
     def newton(self) -> NewtonSteps:
         """Newton's steps, as machine code."""
         problem = self.equations.problem
-        return newton_steps(problem, self.rows, self.columns, self._samples(), self._slow)
+        return newton_steps(
+            problem, self.rows, self.columns, self._samples(), self.newton_by_lapack
+        )
 
     def _samples(self) -> np.ndarray:
         """Closed postures and what they meet (nq + prescribed, n), real and complex ones.
@@ -69,7 +72,7 @@ class Block:
         q[:, problem.pinned_q] = targets[:, : len(problem.pinned)]
         size = np.full(TRIED, np.inf)
         for _ in range(TRIALS):
-            _, step = self._slow(q, targets)
+            _, step = self.newton_by_lapack(q, targets)
             size = self.size(q, step)
             step *= (BOUND / np.maximum(size, BOUND))[:, None]
             q = self.moved(q, step)
@@ -78,7 +81,7 @@ class Block:
         every = np.concatenate([q[closed], real])
         return np.hstack([every, np.concatenate([targets[closed], problem.targets_at(real)])]).T
 
-    def _slow(self, q: np.ndarray, targets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def newton_by_lapack(self, q: np.ndarray, targets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Newton's step by LAPACK: postures (n, nq) after it, steps (n, k)."""
         values, jacobian = self.at(q, targets)
         step = -solutions(jacobian, values[:, :, None])[:, :, 0]
@@ -97,6 +100,48 @@ class Block:
         v = [problem.free[c] for c in self.columns]
         at = [i for i, one in enumerate(v) if one in number]
         return np.array(at, dtype=int), np.array([number[v[i]] for i in at], dtype=int)
+
+    def settle(self, q: np.ndarray, targets: np.ndarray) -> None:
+        """Write into postures (n, nq) the joints that targets pin; unit quaternions everywhere."""
+        problem = self.equations.problem
+        pins = len(problem.pinned)
+        for i in range(len(problem.goals)):
+            at = slice(pins + POSE * i + 3, pins + POSE * (i + 1))
+            targets[:, at] = normalised(targets[:, at])
+        q[:, problem.pinned_q] = targets[:, :pins]
+        model = problem.mechanism.model
+        for j in range(1, model.njoints):
+            if model.nqs[j] == 7:
+                at = slice(model.idx_qs[j] + 3, model.idx_qs[j] + 7)
+                q[:, at] = normalised(q[:, at])
+
+    def far(self, q: np.ndarray, length: float, high: float) -> np.ndarray:
+        """Which postures (n, nq) have lengths, or imaginary parts of angles, beyond bounds, (n,).
+
+        Lengths are dimensionless.
+        """
+        part = q[:, self.own]
+        lengths, angles, others = self._kinds
+        found = ~np.isfinite(part).all(axis=1)
+        unit = self.equations.problem.mechanism.length
+        found |= (np.abs(part[:, lengths]) > length * unit).any(axis=1)
+        found |= (np.abs(part[:, angles].imag) > high).any(axis=1)
+        found |= (np.abs(part[:, others]) > length).any(axis=1)
+        return np.asarray(found)
+
+    @cached_property
+    def _kinds(self) -> tuple[np.ndarray, ...]:
+        """Which of the block's numbers are lengths, angles, and parts of quaternions."""
+        m = self.equations.problem.mechanism
+        model = m.model
+        kind = np.zeros(model.nq, dtype=int)
+        for j in range(1, model.njoints):
+            first = model.idx_qs[j]
+            if model.nqs[j] == 1:
+                kind[first] = 0 if m.translational[model.idx_vs[j]] else 1
+            else:
+                kind[first + 3 : first + 7] = 2
+        return tuple(np.flatnonzero(kind[self.own] == k) for k in range(3))
 
     def size(self, q: np.ndarray, step: np.ndarray) -> np.ndarray:
         """Largest component (n,) of steps (n, k), of lengths relative to those that are long."""

@@ -112,8 +112,9 @@ def equations_of(problem: Problem) -> ComplexEquations:
 
 def normalised(quaternions: np.ndarray) -> np.ndarray:
     """Quaternions (n, 4) divided by the root of their sum of squares, without conjugates."""
-    size = np.sqrt((quaternions * quaternions).sum(axis=1, keepdims=True))
-    return np.asarray(quaternions / size)
+    with np.errstate(all="ignore"):  # what is not finite is looked for later
+        size = np.sqrt((quaternions * quaternions).sum(axis=1, keepdims=True))
+        return np.asarray(quaternions / size)
 
 
 def _turned(quaternion: np.ndarray, by: list[np.ndarray]) -> np.ndarray:

@@ -8,25 +8,22 @@ from __future__ import annotations
 
 import io
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 
 from closedchain.closure.modes.blocks import Block, blocks_of
 from closedchain.closure.modes.complex_equations import equations_of
-from closedchain.closure.modes.monodromy import (
-    Generic,
-    generic_solutions,
-    merged,
-)
+from closedchain.closure.modes.loops import merged
+from closedchain.closure.modes.monodromy import Generic, generic_solutions
 from closedchain.closure.modes.paths import track
 from closedchain.closure.modes.places import Place, random_place
 from closedchain.closure.modes.shapes import Shapes, groups
 from closedchain.closure.solve.problem import Problem
 from closedchain.closure.tape import cache
 
-FORMAT = "generic solutions 2"
+FORMAT = "generic solutions 3"
 TOGETHER = 512  # paths that are followed together
 
 
@@ -42,6 +39,8 @@ class Counted:
         Solutions of each block at generic values; their product is what can be at most.
     known : bool
         Whether the check of every block's generic solutions holds.
+    traced : bool
+        Whether that check was the trace test for every block.
     infinite, lost : int
         Paths that went to infinity, and that ended elsewhere: at solutions that are singular.
     singular : (lost, nq) complex array
@@ -51,6 +50,7 @@ class Counted:
     q: np.ndarray
     generic: tuple[int, ...]
     known: bool
+    traced: bool
     infinite: int
     lost: int
     singular: np.ndarray
@@ -69,66 +69,87 @@ def counted(
     equations = equations_of(problem)
     q = problem.mechanism.home[None].astype(complex)
     q[:, problem.pinned_q] = targets[: len(problem.pinned)]
-    sizes, known, infinite, lost = [], True, 0, 0
+    sizes, known, traced, infinite, lost = [], True, True, 0, 0
     singular = q[:0]
     for number, block in enumerate(blocks_of(equations)):
         generic = _generic(block, shapes, number, report)
         sizes.append(len(generic.q))
-        known = known and generic.known
+        known, traced = known and generic.known, traced and generic.points > 0
         if report is not None:
             report("following solutions to the values asked for", len(q) * len(generic.q))
-        wanted = len(q) * len(generic.q)
-        q, ends = _followed(block, generic, shapes, targets, q)
-        infinite, lost = infinite + wanted - len(q) - len(ends), lost + len(ends)
-        singular = np.concatenate([singular, ends])
+        followed = _followed(block, generic, shapes, targets, q)
+        q, infinite = followed.q, infinite + followed.infinite
+        lost, singular = lost + followed.lost, np.concatenate([singular, followed.ends])
     q = q[equations.proper(q, targets)]
-    if len(q):
-        q = q[np.unique(groups(shapes.of(q)), return_index=True)[1]]
-    return Counted(q, tuple(sizes), known, infinite, lost, singular)
+    return Counted(q, tuple(sizes), known, traced, infinite, lost, singular)
+
+
+@dataclass(frozen=True, eq=False)
+class _Followed:
+    """Where paths led: different solutions, how many went to infinity or were lost, and where."""
+
+    q: np.ndarray
+    infinite: int
+    lost: int
+    ends: np.ndarray
 
 
 def _followed(
     block: Block, generic: Generic, shapes: Shapes, targets: np.ndarray, q: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Solutions of a block for each solution (n, nq) of those before; ends of paths that are lost.
+) -> _Followed:
+    """Solutions of a block for each solution (n, nq) of those before.
 
-    Where paths fail, all are followed once more by another way: what is at infinity on one may be
-    near enough on the other.
+    Where paths fail, or end in the same solution, all are followed once more by another way: what
+    is at infinity on one may be near enough on the other.
     """
     rng = np.random.default_rng(1)
-    found, lost = _route(block, [generic.place], generic.q, targets, q)
-    if len(found) < len(q) * len(generic.q):
+    wanted = len(q) * len(generic.q)
+    best = _route(block, shapes, [generic.place], generic.q, targets, q)
+    if len(best.q) < wanted:
         around = [generic.place, random_place(block.equations.problem, rng)]
-        more, ends = _route(block, around, generic.q, targets, q)
-        found = merged(shapes, found, more)
-        lost = lost if len(lost) >= len(ends) else ends
-    return found, lost[: len(q) * len(generic.q) - len(found)]
+        other = _route(block, shapes, around, generic.q, targets, q)
+        found = merged(shapes.of, best.q, other.q)
+        ends = best.ends if len(best.ends) >= len(other.ends) else other.ends
+        infinite = min(best.infinite, other.infinite, wanted - len(found))
+        lost = wanted - len(found) - infinite
+        best = _Followed(found, infinite, lost, ends[:lost])
+    return best
 
 
 def _route(
-    block: Block, places: list[Place], starts: np.ndarray, targets: np.ndarray, q: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Ends of the paths from solutions through places to the targets: good ones, and lost ones."""
+    block: Block,
+    shapes: Shapes,
+    places: list[Place],
+    starts: np.ndarray,
+    targets: np.ndarray,
+    q: np.ndarray,
+) -> _Followed:
+    """Ends of the paths from solutions through places to the targets."""
     for one, two in pairwise(places):
         arrived = track(block, one, two, starts)
         starts = arrived.q[arrived.good]
     every = np.repeat(starts[None], len(q), axis=0).reshape(-1, q.shape[1])
     given = np.repeat(q, len(starts), axis=0)
-    found, lost = [q[:0]], [q[:0]]
+    found, ends, infinite = [q[:0]], [q[:0]], 0
     for begin in range(0, len(every), TOGETHER):
         part = slice(begin, begin + TOGETHER)
         end = Place(targets.astype(complex), given[part])
         arrived = track(block, places[-1], end, every[part])
         found.append(arrived.q[arrived.good])
-        lost.append(arrived.q[~arrived.good & ~arrived.infinite])
-    return np.concatenate(found), np.concatenate(lost)
+        ends.append(arrived.q[~arrived.good & ~arrived.infinite])
+        infinite += int(arrived.infinite.sum())
+    all_found = np.concatenate(found)
+    first = np.unique(groups(shapes.of(all_found)), return_index=True)[1]
+    again = np.delete(all_found, first, axis=0)  # ends in the same solution as another
+    lost = np.concatenate([*ends, again])
+    return _Followed(all_found[np.sort(first)], infinite, len(lost), lost)
 
 
 def _generic(
     block: Block, shapes: Shapes, number: int, report: Callable[[str, int], None] | None
 ) -> Generic:
     """Generic solutions of a block: from disk where they are known."""
-    name = cache.key(FORMAT, *_identity(block), str(number))
+    name = _name(block, number)
     kept = _read(name, block)
     if kept is not None:
         return kept
@@ -137,19 +158,28 @@ def _generic(
         if report is not None:
             report("finding solutions at generic values", count)
 
-    one, two = (generic_solutions(block, shapes, seed, tell) for seed in (0, 1))
-    found = one if len(one.q) >= len(two.q) else two
-    found = replace(found, known=one.known and two.known and len(one.q) == len(two.q))
+    found = generic_solutions(block, shapes, report=tell)
     file = io.BytesIO()
     np.savez(
         file,
         targets=found.place.targets,
         given=found.place.given,
         q=found.q,
-        numbers=np.array([found.loops, found.quiet, found.hits, found.known]),
+        numbers=np.array([found.points, found.hits, found.known]),
     )
     cache.write(name, file.getvalue())
     return found
+
+
+def kept_on_disk(problem: Problem) -> bool:
+    """Whether the generic solutions of all blocks are known, so that counting is quick."""
+    blocks = blocks_of(equations_of(problem))
+    return all(_read(_name(block, i), block) is not None for i, block in enumerate(blocks))
+
+
+def _name(block: Block, number: int) -> str:
+    """Name of the file with a block's generic solutions."""
+    return cache.key(FORMAT, *_identity(block), str(number))
 
 
 def _identity(block: Block) -> tuple[str, ...]:
@@ -166,11 +196,11 @@ def _read(name: str, block: Block) -> Generic | None:
         return None
     try:
         with np.load(io.BytesIO(data), allow_pickle=False) as kept:
-            loops, quiet, hits, known = (int(x) for x in kept["numbers"])
+            points, hits, known = (int(x) for x in kept["numbers"])
             place = Place(kept["targets"], kept["given"])
             q = np.array(kept["q"])
     except (KeyError, ValueError, OSError):
         return None
     if q.ndim != 2 or q.shape[1] != block.equations.problem.mechanism.model.nq:
         return None
-    return Generic(place, q, loops, quiet, hits, bool(known))
+    return Generic(place, q, points, hits, bool(known))

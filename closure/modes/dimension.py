@@ -57,6 +57,8 @@ def dimensions(equations: HeldEquations, q: np.ndarray) -> tuple[int, ...]:
     """Dimensions of the branches of solutions around one (nq,), some joints held as they are."""
     rng = np.random.default_rng(0)
     tangent = _tangent(equations, q)
+    if not tangent.shape[1]:
+        return (0,)
     directions = rng.standard_normal((PLACES, tangent.shape[1])) @ tangent.T
     _, places = _closed(equations, q, directions, AWAY)
     found = {_measured(equations, place, rng) for place in places}

@@ -1,38 +1,49 @@
-"""All solutions at a generic complex place, from some: what is prescribed moves in loops.
+"""All solutions at a generic complex place, and a check that they are all.
 
 Newton's method from random complex starts finds some. After a loop through random complex places
-each solution has become one of the same place again, maybe another. Then all move on to another
-place, large or small, where new random starts are made and new loops gone. The work ends when
-several places, one after the other, have shown nothing new: neither loops nor starts, which know
-nothing of each other. Where solutions fall into families that loops do not mix, as the operation
-modes of a mechanism, the starts reach each of them.
+each has become one of the same place again, maybe another. Loops must be large beside the
+mechanism: small ones go round next to nothing.
+
+Then the trace test [Leykin2018]_, which needs no luck with loops. The solutions become points of
+a slice of a curve, see ``slices``; loops of slices find its other points. When the slice moves
+on, the sums of z and of y over all points go straight: they have no poles, and grow no faster.
+Sums over some points only bend, unless these are all the points of a component. So a straight
+trace says that no solution is missing that those known could become. Solutions of other
+components, as the operation modes of a mechanism, are reached by random starts, which are made at
+another place, too.
+
+[Leykin2018]_ A. Leykin, J. I. Rodriguez, F. Sottile, Trace test, Arnold Mathematical Journal 4,
+2018.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 
-from closedchain.closure.modes.blocks import BOUND, Block
-from closedchain.closure.modes.paths import Arrived, between, far, track
-from closedchain.closure.modes.places import Place, random_place, random_postures
-from closedchain.closure.modes.shapes import Shapes, groups
-from closedchain.closure.solve.square_systems import solutions
+from closedchain.closure.modes.blocks import Block
+from closedchain.closure.modes.loops import carried, closed_under, merged
+from closedchain.closure.modes.paths import track
+from closedchain.closure.modes.places import Place, random_place
+from closedchain.closure.modes.random_solutions import random_solutions
+from closedchain.closure.modes.shapes import Shapes
+from closedchain.closure.modes.slices import Slices
 
-QUIET = 1  # places one after the other that show nothing new, before the work ends
-MOST_PLACES = 20
-LOOPS = 8  # at each place
-WIDE = (2.0, 4.0, 8.0)  # characteristic lengths: sizes of places on loops
+MOST_PLACES = 8
+QUIET = 3  # places one after the other with nothing new, where the trace test cannot be had
+LOOPS = 4  # of places at once
+WIDE = (4.0, 8.0, 2.0, 6.0)  # characteristic lengths: places on loops
+LOOPS_OF_SLICES = 2
+WIDE_SLICES = (1.0, 3.0)
 DETOURS = 3
 MOST = 2000  # solutions
-STARTS = 400  # random complex starts at once, for the check
-ROUNDS = 12
-HITS = 2  # for each solution, at least
-NEWTON = 60
-CLOSED = 1e-7
+POINTS = (200, 4)  # of a slice at most: so many, and so many for each solution
+TRIALS = 6  # of the trace test, each with more loops
+S, NEXT = 1.0, 0.4 + 0.3j  # s at first, and its steps
+BENT = 1e-6
+"""Share of their bends, added without signs, that the sum over all points may bend."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,20 +54,18 @@ class Generic:
     ----------
     place : Place
     q : (n, nq) complex array
-    loops : int
-        That were gone.
-    quiet : int
-        Places, the last ones, at which nothing new appeared.
+    points : int
+        Of the slice whose trace is straight; 0 where there are too many for it, or it never was.
     hits : int
-        Solutions that Newton's method found there from random complex starts, all of them known.
+        Solutions from random starts at the last place, all of them known.
     known : bool
-        Whether these places were as many as asked, with several hits for each solution.
+        Whether the trace is straight, and starts at another place have led to nothing else; or,
+        where slices have too many points, whether several places have shown nothing new.
     """
 
     place: Place
     q: np.ndarray
-    loops: int
-    quiet: int
+    points: int
     hits: int
     known: bool
 
@@ -66,156 +75,102 @@ def generic_solutions(
 ) -> Generic:
     """Solutions of a generic member of a block's family, each shape once."""
     problem, rng = block.equations.problem, np.random.default_rng(seed)
+    tell = report or (lambda count: None)
     place = random_place(problem, rng)
-    q, hits = _struck(block, place, rng, 1)
-    q = merged(shapes, q[:0], q)
-    loops = quiet = total = 0
+    struck = random_solutions(block, place, rng, 1)
+    q = merged(shapes.of, struck[:0], struck)
+    points: int | None = 0
+    hits, quiet = len(struck), 0
     for _ in range(MOST_PLACES):
-        before = len(q)
-        if quiet >= QUIET or not before or before > MOST:
+        tell(len(q))
+        if not len(q) or len(q) > MOST:
             break
-        q, mixed = _mixed(block, shapes, place, q, rng)
-        loops += LOOPS
-        there = random_place(problem, rng)
-        moved = carried(block, shapes, place, there, q, rng)
-        if report is not None:
-            report(len(q))
+        before = len(q)
+        q = closed_under(block, shapes.of, _loops(block, place, rng), q, MOST, tell)
+        tell(len(q))
+        if points is not None:
+            q, points = _traced(block, shapes, place, q, rng, tell)
+        ways = [random_place(problem, rng) for _ in range(DETOURS + 1)]
+        moved = carried(block, shapes.of, place, ways, q)
         if len(moved) < len(q):
             quiet = 0
             continue
-        place = there
-        others, hits = _struck(block, place, rng, len(q))
-        q = merged(shapes, moved, others)
-        agreed = mixed and len(q) == before and hits >= HITS * before
-        quiet, total = (quiet + 1, total + hits) if agreed else (0, 0)
-    return Generic(place, q, loops, quiet, total, quiet >= QUIET)
+        place = ways[-1]
+        struck = random_solutions(block, place, rng, len(q))
+        traced, hits = len(q), len(struck)
+        q = merged(shapes.of, moved, struck)
+        if points and len(q) == traced:
+            return Generic(place, q, points, hits, True)
+        quiet = quiet + 1 if len(q) == before else 0
+        if points is None and quiet >= QUIET:
+            return Generic(place, q, 0, hits, True)
+    return Generic(place, q, 0, hits, False)
 
 
-def _mixed(
-    block: Block, shapes: Shapes, place: Place, q: np.ndarray, rng: np.random.Generator
-) -> tuple[np.ndarray, bool]:
-    """All that loops make of solutions; whether the loops permute them.
-
-    Each solution goes once round each loop, so do those that appear.
-    """
+def _loops(block: Block, place: Place, rng: np.random.Generator) -> list[tuple[Place, ...]]:
+    """Loops from a place through two others that are large."""
     problem = block.equations.problem
-    ways = [
-        (place, random_place(problem, rng, wide), random_place(problem, rng, wide), place)
+    return [
+        (place, *(random_place(problem, rng, wide) for _ in range(2)), place)
         for wide in np.resize(WIDE, LOOPS)
     ]
-    images = np.zeros((LOOPS, 0), dtype=int)  # number of what a solution becomes; -1: lost
-    while images.shape[1] < len(q) <= MOST:
-        begin, n = images.shape[1], len(q)
-        ends = _looped(block, ways, q[begin:])
-        every = np.concatenate([q, ends.q[ends.good]])
-        group = groups(shapes.of(every))
-        first = np.unique(group, return_index=True)[1]
-        found = np.full(len(ends.q), -1)
-        found[ends.good] = group[n:]
-        q = every[first]
-        images = np.hstack([images, found.reshape(LOOPS, n - begin)])
-    one_to_one = all(np.unique(k[k >= 0]).size == (k >= 0).sum() for k in images)
-    return q, one_to_one
 
 
-def _looped(block: Block, ways: list[tuple[Place, ...]], q: np.ndarray) -> Arrived:
-    """Ends of all solutions (n, nq) on all ways (loops * n, ...)."""
-    n = len(q)
-    every = np.tile(q, (len(ways), 1))
-    good = np.ones(len(every), dtype=bool)
-    for legs in zip(*(pairwise(way) for way in ways), strict=True):
-        one, two = (Place.stacked([leg[k] for leg in legs], n) for k in (0, 1))
-        at = np.flatnonzero(good)
-        end = track(block, one.take(at), two.take(at), every[at])
-        every[at], good[at] = end.q, end.good
-    return Arrived(every, good, ~good)
-
-
-def carried(
+def _traced(
     block: Block,
     shapes: Shapes,
-    one: Place,
-    two: Place,
+    place: Place,
     q: np.ndarray,
     rng: np.random.Generator,
-) -> np.ndarray:
-    """Solutions (n, nq) brought to another place; what is lost on one way is tried on others."""
-    end = track(block, one, two, q)
-    found, left = merged(shapes, q[:0], end.q[end.good]), q[~end.good]
-    for _ in range(DETOURS):
-        if not len(left):
+    tell: Callable[[int], None],
+) -> tuple[np.ndarray, int | None]:
+    """All solutions at a place that a slice through them has, and its points if all are there.
+
+    None where they are too many.
+    """
+    slices = Slices(block, place, q)
+
+    def telling(points: np.ndarray) -> np.ndarray:
+        return np.hstack([shapes.of(points[:, :-1]), points[:, -1:]])
+
+    start = slices.through(q[0], rng)
+    begin = np.hstack([q, np.full((len(q), 1), start.given[-1])])
+    here = slices.at(start, S)
+    moved = track(slices, start, here, begin)
+    points = moved.q[moved.good]
+    most = POINTS[0] + POINTS[1] * len(q)
+    for _ in range(TRIALS):
+        tell(len(q))
+        if not len(points):
             break
-        between = random_place(block.equations.problem, rng)
-        half = track(block, one, between, left)
-        end = track(block, between, two, half.q[half.good])
-        found = merged(shapes, found, end.q[end.good])
-        arrived = np.flatnonzero(half.good)[end.good]
-        left = np.delete(left, arrived, axis=0)
-    return found
+        ways = [
+            (here, *(slices.random(rng, wide) for _ in range(2)), here)
+            for wide in np.resize(WIDE_SLICES, LOOPS_OF_SLICES)
+        ]
+        points = closed_under(slices, telling, ways, points, most, tell)
+        if len(points) > most:
+            return q, None
+        if not straight(slices, here, points):
+            continue
+        back = track(slices, here, start, points)
+        home = back.q[back.good]
+        home = home[np.abs(home[:, -1] - start.given[-1]) < 1e-6]
+        every = merged(shapes.of, q, home[:, :-1])
+        return every, len(points) if len(home) == len(every) else 0
+    return q, 0
 
 
-def _struck(
-    block: Block, place: Place, rng: np.random.Generator, count: int
-) -> tuple[np.ndarray, int]:
-    """Solutions that Newton's method finds from random complex starts, and how many hits."""
+def straight(slices: Slices, here: Place, points: np.ndarray) -> bool:
+    """Whether the sums of z and of y over points go straight as the slice moves."""
     found = []
-    hits = 0
-    for _ in range(ROUNDS):
-        q = _met(
-            block,
-            place,
-            newton(block, place, random_postures(block.equations.problem.mechanism, rng, STARTS)),
-        )
-        found.append(q)
-        hits += len(q)
-        if hits >= 3 * HITS * count:
-            break
-    return np.concatenate(found), hits
-
-
-def newton(block: Block, place: Place, q: np.ndarray) -> np.ndarray:
-    """Solutions (m, nq) that Newton's method, with bounded steps, reaches from postures (n, nq)."""
-    here = between(block, place, place, q, np.zeros(len(q)))
-    q, done = here.q, np.zeros(len(q), dtype=bool)
-    alive = np.ones(len(q), dtype=bool)
-    for _ in range(NEWTON):
-        i = np.flatnonzero(alive & ~done)
-        if not i.size:
-            break
-        step = _toward(block, q[i], here.targets[i])
-        size = block.size(q[i], step)
-        fine = np.isfinite(size)
-        alive[i[~fine]] = False
-        i, step, size = i[fine], step[fine], size[fine]
-        step *= (BOUND / np.maximum(size, BOUND))[:, None]
-        q[i] = block.moved(q[i], step)
-        done[i] = size < CLOSED
-        alive[i] &= ~far(block, q[i])
-    return np.asarray(q[done])
-
-
-def _toward(block: Block, q: np.ndarray, targets: np.ndarray) -> np.ndarray:
-    """Newton's steps (n, k); with more rows than unknowns those of Gauss and Newton, on all."""
-    if not block.also.size:
-        return block.newton.at(q, targets)[1]
-    values, jacobian = block.equations.all_rows(q, targets)
-    every = np.concatenate([np.array(block.equations.problem.kept)[block.rows], block.also])
-    a = jacobian[:, every][:, :, block.columns]
-    adjoint = a.conj().swapaxes(1, 2)
-    right = adjoint @ values[:, every, None]
-    return -solutions(adjoint @ a + 1e-14 * np.eye(a.shape[2]), right)[:, :, 0]
-
-
-def _met(block: Block, place: Place, q: np.ndarray) -> np.ndarray:
-    """Those of postures (n, nq) that meet the other rows, too, with no closed joint mirrored."""
-    if not len(q) or not block.also.size:
-        return q
-    targets = np.broadcast_to(place.targets, (len(q), place.targets.size))
-    return np.asarray(q[block.equations.proper(q, targets)])
-
-
-def merged(shapes: Shapes, known: np.ndarray, more: np.ndarray) -> np.ndarray:
-    """Postures of two lists (n, nq), each shape once; those of the first stay as they are."""
-    every = np.concatenate([known, more])
-    group = groups(shapes.of(every))
-    return every[np.unique(group, return_index=True)[1]]
+    place, q = here, points
+    for k in range(3):
+        if k:
+            there = slices.at(place, S + k * NEXT)
+            end = track(slices, place, there, q)
+            if not end.good.all():
+                return False
+            place, q = there, end.q
+        found.append(np.stack([q[:, -1], slices.y(place, q)]))
+    bends = found[0] - 2.0 * found[1] + found[2]
+    return bool((np.abs(bends.sum(axis=1)) <= BENT * np.abs(bends).sum(axis=1) + 1e-9).all())

@@ -66,6 +66,18 @@ class NewtonSteps:
         return moved, step
 
 
+@dataclass(frozen=True, eq=False)
+class Linear:
+    """Square equations with their derivatives, as expressions.
+
+    ``entries`` are the derivatives of each value by the unknowns, those that are not always zero.
+    """
+
+    values: list[Expr]
+    entries: list[dict[int, Expr]]
+    unknown: list[int]
+
+
 def newton_steps(
     problem: Problem, rows: np.ndarray, columns: np.ndarray, samples: np.ndarray, slow: Slow
 ) -> NewtonSteps:
@@ -81,18 +93,26 @@ def newton_steps(
     every = problem.rows(k, g.inputs(nq, problem.prescribed))
     chosen = [problem.kept[r] for r in rows]
     unknown = [problem.free[c] for c in columns]
-    values = [every.values[r] for r in chosen]
-    entries = [{v: every.entries[r][v] for v in unknown if v in every.entries[r]} for r in chosen]
-    step = eliminate(g, entries, unknown, samples).solve([-value for value in values])
+    entries = [{v: e for v, e in every.entries[r].items() if v in unknown} for r in chosen]
+    linear = Linear([every.values[r] for r in chosen], entries, unknown)
+    step, guard = solved(g, linear, samples)
     moved = k.moved(k.q, step)
     own = [i for i in range(nq) if moved[i] != k.q[i]]
-    weights = 1.0 + 0.5 * np.sin(np.arange(1, len(values) + 1))
+    out = [*(moved[i] for i in own), *(step[v] for v in unknown), *guard]
+    tape = complex_tape(g.tape(out, nq + problem.prescribed))
+    return NewtonSteps(tape, np.array(own, dtype=int), len(unknown), slow)
+
+
+def solved(
+    g: Graph, linear: Linear, samples: np.ndarray
+) -> tuple[dict[int, Expr], tuple[Expr, Expr]]:
+    """Newton's step by unknown, and weighted sums of the values before and after it."""
+    step = eliminate(g, linear.entries, linear.unknown, samples).solve([-v for v in linear.values])
+    weights = 1.0 + 0.5 * np.sin(np.arange(1, len(linear.values) + 1))
     before, after = g.constant(0.0), g.constant(0.0)
-    for weight, value, row in zip(weights, values, entries, strict=True):
-        left: Expr = value
+    for weight, value, row in zip(weights, linear.values, linear.entries, strict=True):
+        left = value
         for v, entry in row.items():
             left = left + entry * step[v]
         before, after = before + float(weight) * value, after + float(weight) * left
-    out = [*(moved[i] for i in own), *(step[v] for v in unknown), before, after]
-    tape = complex_tape(g.tape(out, nq + problem.prescribed))
-    return NewtonSteps(tape, np.array(own, dtype=int), len(unknown), slow)
+    return step, (before, after)

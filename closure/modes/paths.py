@@ -7,24 +7,53 @@ complex values, where with probability one nothing is singular before the end.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
-from closedchain.closure.modes.blocks import Block
-from closedchain.closure.modes.complex_equations import normalised
+from closedchain.closure.modes.newton_steps import NewtonSteps
 from closedchain.closure.modes.places import Place
-from closedchain.closure.solve.problem import POSE
 
 FIRST, SMALLEST, LARGEST = 0.02, 1e-8, 0.25  # steps along a path
 SHORT = 0.01  # relative: largest first correction of an accepted step
-GROWING = 0.05  # share of that below which the next step is longer
+AIM = 0.003  # the first correction that is aimed at
 CONTRACTION = 0.25
 ITERATIONS = 4
 SOLVED = 1e-10  # relative correction of a solution
-MOST_STEPS = 2000
+MOST_STEPS = 800
 SHIFT = 1e-6  # of the path parameter: for slopes along it
-FAR = 1e4  # dimensionless: lengths beyond are at infinity
-HIGH = 14.0  # imaginary part of an angle beyond which it is
+FAR = 1e6  # dimensionless: lengths beyond are at infinity
+HIGH = 16.0  # imaginary part of an angle beyond which it is
+ON_THE_WAY = (1e3, 8.0)  # the same for paths that stop
+
+
+class Tracked(Protocol):
+    """Square equations whose solutions can be followed.
+
+    ``own`` are the numbers of a posture that are unknown, ``newton`` gives Newton's steps.
+    """
+
+    @property
+    def own(self) -> np.ndarray:
+        """Positions of the unknown numbers."""
+        ...
+
+    @property
+    def newton(self) -> NewtonSteps:
+        """Newton's steps."""
+        ...
+
+    def size(self, q: np.ndarray, step: np.ndarray) -> np.ndarray:
+        """Sizes (n,) of steps (n, k) at postures."""
+        ...
+
+    def settle(self, q: np.ndarray, targets: np.ndarray) -> None:
+        """Write into postures (n, nq) what targets prescribe of them, quaternions of unit size."""
+        ...
+
+    def far(self, q: np.ndarray, length: float, high: float) -> np.ndarray:
+        """Which postures have lengths, or imaginary parts of angles, beyond bounds, (n,)."""
+        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,33 +65,19 @@ class Arrived:
     infinite: np.ndarray
 
 
-def between(block: Block, one: Place, two: Place, q: np.ndarray, t: np.ndarray) -> _Here:
-    """What is prescribed at shares t (n,) of the way; postures with it set, quaternions of unit size."""
-    equations = block.equations
+def between(
+    block: Tracked, one: Place, two: Place, q: np.ndarray, t: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Postures with what is prescribed at shares t (n,) of the way set; and the targets there."""
     s = t[:, None]
     targets = (1.0 - s) * one.targets + s * two.targets
-    p = len(equations.problem.pinned)
-    for i in range(len(equations.problem.goals)):
-        at = slice(p + POSE * i + 3, p + POSE * (i + 1))
-        targets[:, at] = normalised(targets[:, at])
     posture = (1.0 - s) * one.given + s * two.given
     posture[:, block.own] = q[:, block.own]
-    posture[:, equations.problem.pinned_q] = targets[:, :p]
-    model = equations.problem.mechanism.model
-    for j in range(1, model.njoints):
-        if model.nqs[j] == 7:
-            at = slice(model.idx_qs[j] + 3, model.idx_qs[j] + 7)
-            posture[:, at] = normalised(posture[:, at])
-    return _Here(posture, targets)
+    block.settle(posture, targets)
+    return posture, targets
 
 
-@dataclass(frozen=True, eq=False)
-class _Here:
-    q: np.ndarray
-    targets: np.ndarray
-
-
-def track(block: Block, one: Place, two: Place, q: np.ndarray) -> Arrived:
+def track(block: Tracked, one: Place, two: Place, q: np.ndarray) -> Arrived:
     """Follow paths from solutions (n, nq) at one place to another."""
     n, own = len(q), block.own
     q = q.astype(complex)
@@ -94,15 +109,16 @@ def track(block: Block, one: Place, two: Place, q: np.ndarray) -> Arrived:
         q[j], t[j] = trial[accepted], end[accepted]
         here[j] = q[j][:, own]
         fresh[i] = accepted
-        grow = first[accepted] < GROWING * SHORT
-        step[j] = np.where(grow, np.minimum(2.0 * h[accepted], LARGEST), h[accepted])
+        # the predictor's error grows as the fourth power of the step
+        ratio = (AIM / np.maximum(first[accepted], 1e-9)) ** 0.25
+        step[j] = np.minimum(np.clip(ratio, 0.5, 2.0) * h[accepted], LARGEST)
         step[i[~accepted]] = 0.4 * h[~accepted]
         arrived = j[t[j] == 1.0]
         good[arrived], running[arrived] = True, False
-        away = far(block, q[i])
-        lost = away | (step[i] < SMALLEST)
+        lost = block.far(q[i], FAR, HIGH) | (step[i] < SMALLEST)
         lost &= ~good[i]
-        infinite[i[lost]] = away[lost]
+        if lost.any():
+            infinite[i[lost]] = block.far(q[i[lost]], *ON_THE_WAY)
         running[i[lost]] = False
     return Arrived(q, good, infinite)
 
@@ -128,29 +144,29 @@ def _ahead(
     return np.asarray(x + h * slope + bend)
 
 
-def _slope(block: Block, one: Place, two: Place, q: np.ndarray, t: np.ndarray) -> np.ndarray:
+def _slope(block: Tracked, one: Place, two: Place, q: np.ndarray, t: np.ndarray) -> np.ndarray:
     """Slopes (n, m) of the block's numbers along paths: Newton's steps from beside them."""
     n = len(q)
     shares = np.concatenate([t - SHIFT, t + SHIFT])
     twice = np.concatenate([np.arange(n)] * 2)
     here = between(block, one.take(twice), two.take(twice), q[twice], shares)
-    moved, _ = block.newton.at(here.q, here.targets)
+    moved, _ = block.newton.at(*here)
     return np.asarray((moved[n:] - moved[:n]) / (2.0 * SHIFT))
 
 
 def _corrected(
-    block: Block, one: Place, two: Place, q: np.ndarray, t: np.ndarray
+    block: Tracked, one: Place, two: Place, q: np.ndarray, t: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Newton's method at shares t (n,): postures, which are solved, sizes of first corrections."""
-    here = between(block, one, two, q, t)
-    q, last = here.q, np.full(len(q), np.inf)
+    q, targets = between(block, one, two, q, t)
+    last = np.full(len(q), np.inf)
     first = np.full(len(q), np.inf)
     solved, bad = np.zeros(len(q), dtype=bool), np.zeros(len(q), dtype=bool)
     for count in range(ITERATIONS):
         i = np.flatnonzero(~solved & ~bad)
         if not i.size:
             break
-        moved, step = block.newton.at(q[i], here.targets[i])
+        moved, step = block.newton.at(q[i], targets[i])
         size = block.size(q[i], step)
         if count == 0:
             first[i] = size
@@ -163,29 +179,3 @@ def _corrected(
         # quadratic convergence: the next correction would be below rounding
         solved[i] |= fine & (size < 1e-6) & (count > 0)
     return q, solved, first
-
-
-def far(block: Block, q: np.ndarray) -> np.ndarray:
-    """Which postures (n, nq) have left all bounds, (n,) of bool."""
-    part = q[:, block.own]
-    lengths, angles, others = _bounded(block)
-    m = block.equations.problem.mechanism
-    found = ~np.isfinite(part).all(axis=1)
-    found |= (np.abs(part[:, lengths]) > FAR * m.length).any(axis=1)
-    found |= (np.abs(part[:, angles].imag) > HIGH).any(axis=1)
-    found |= (np.abs(part[:, others]) > FAR).any(axis=1)
-    return np.asarray(found)
-
-
-def _bounded(block: Block) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Which of the block's numbers are lengths, angles, and parts of quaternions."""
-    m = block.equations.problem.mechanism
-    model = m.model
-    kind = np.zeros(model.nq, dtype=int)
-    for j in range(1, model.njoints):
-        first = model.idx_qs[j]
-        if model.nqs[j] == 1:
-            kind[first] = 0 if m.translational[model.idx_vs[j]] else 1
-        else:
-            kind[first + 3 : first + 7] = 2
-    return tuple(np.flatnonzero(kind[block.own] == k) for k in range(3))  # type: ignore[return-value]

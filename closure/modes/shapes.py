@@ -42,20 +42,8 @@ class Shapes:
     @cached_property
     def _expressions(self) -> tuple[Graph, list[Expr]]:
         k = kinematics(self.mechanism)
-        model, m = self.mechanism.model, self.mechanism
-        numbers: list[Expr] = []
-        for i in range(1, model.njoints):
-            if model.nvs[i] == 1:
-                numbers += _line(k, k.poses[i])
-            else:
-                numbers += _body(k.poses[i])
-        for closure in m.closures:
-            if isinstance(closure, Closure):
-                pose = k.frame(closure.joint1, closure.placement1)
-                numbers += list(pose[1]) if closure.joint_kind.holds_point else _line(k, pose)
-        if m.task is not None:
-            numbers += _body(k.named(m.task.tip)[0])
-        numbers += [k.q[i] * (1.0 / unit) for i, unit in turns_that_count(m)]
+        numbers = numbers_of_shapes(k)
+        numbers += [k.q[i] * (1.0 / unit) for i, unit in turns_that_count(self.mechanism)]
         moving = [x for x in dict.fromkeys(numbers) if x.value is None]
         if self.used is not None:
             moving = [moving[i] for i in self.used]
@@ -100,6 +88,24 @@ class Shapes:
         if self.used is not None:
             kept = np.array(self.used)[kept]
         return Shapes(self.mechanism, tuple(int(i) for i in kept))
+
+
+def numbers_of_shapes(k: Kinematics) -> list[Expr]:
+    """Points on joints and axes without sense, bodies that float, and the tip."""
+    model, m = k.mechanism.model, k.mechanism
+    numbers: list[Expr] = []
+    for i in range(1, model.njoints):
+        if model.nvs[i] == 1:
+            numbers += _line(k, k.poses[i])
+        else:
+            numbers += _body(k.poses[i])
+    for closure in m.closures:
+        if isinstance(closure, Closure):
+            pose = k.frame(closure.joint1, closure.placement1)
+            numbers += list(pose[1]) if closure.joint_kind.holds_point else _line(k, pose)
+    if m.task is not None:
+        numbers += _body(k.named(m.task.tip)[0])
+    return numbers
 
 
 def shapes_of(mechanism: Mechanism) -> Shapes:

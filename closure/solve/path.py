@@ -27,6 +27,9 @@ multiples of a power of two, which would share a few places of it."""
 
 TICKS = 400  # steps of Newton's method between looks at the keyboard
 
+BESIDE = 1e-4
+"""Dimensionless: from closed postures to where the follower is tried."""
+
 
 @dataclass(frozen=True, eq=False)
 class Way:
@@ -251,9 +254,12 @@ def prove(follower: Follower) -> None:
     verify(m)
     q = problem.regular[-2:]
     targets = problem.targets_at(q)
-    near = np.array([pin.integrate(m.model, x, 1e-4 * m.column_scale) for x in q])
+    near = np.array([pin.integrate(m.model, x, BESIDE * m.column_scale) for x in q])
     closed = follower.run(near, targets, targets)
     left = np.array([m.workspace.residual(x) for x in closed.q[closed.started]])
+    if m.rows > len(problem.kept):
+        # rows that are not solved may follow from the others to the first order only
+        left[np.abs(left) < 10.0 * BESIDE**2] = 0.0
     agree(f"the postures of {m.name!r}", left, np.zeros_like(left))
     welded = any(closure.kind == "fixed" for closure in m.closures)
     rng = np.random.default_rng(2)

@@ -22,6 +22,7 @@ from closedchain.robots import load, robots
 from closedchain.urdf.errors import ClosedChainError, ClosureError, DescriptionError
 
 if TYPE_CHECKING:
+    from closedchain._notebook import show
     from closedchain.analysis.acceleration import Acceleration, acceleration
     from closedchain.analysis.forces.capabilities import (
         Capabilities,
@@ -91,17 +92,18 @@ if TYPE_CHECKING:
     from closedchain.closure.modes.connections.connected import Connections
     from closedchain.closure.modes.connections.meetings import Meeting
     from closedchain.closure.modes.connections.passages import Passage
+    from closedchain.closure.modes.positions import direct, inverse
     from closedchain.closure.modes.result import Postures
-    from closedchain.closure.position import direct, inverse
     from closedchain.closure.solids import with_inertias
 
 __version__ = "0.1.0"
 
 # What is asked of a mechanism is imported when it is first asked, so that loading stays quick.
 _LATER = {
+    "_notebook": "show",
     "closure.exporting": "export",
     "closure.code.exporting": "export_code",
-    "closure.position": "direct inverse",
+    "closure.modes.positions": "direct inverse",
     "closure.solids": "with_inertias",
     "closure.modes.all_postures": "postures",
     "closure.modes.connections.connected": "Connections",
@@ -266,6 +268,7 @@ __all__ = [
     "residual",
     "robots",
     "self_motion",
+    "show",
     "simulate",
     "singularity_map",
     "singularity_set",

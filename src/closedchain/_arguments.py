@@ -15,6 +15,8 @@ from typing import TYPE_CHECKING, Literal
 from closedchain.urdf.errors import ClosedChainError, DescriptionError, known_names
 
 if TYPE_CHECKING:
+    import numpy as np
+
     from closedchain.analysis.forces.tip_measures import TipMeasure
     from closedchain.closure import Mechanism
 
@@ -106,6 +108,21 @@ def up_axis(name: str, chosen: str | None = None) -> Up:
             raise BadArgumentError(known_names(chosen, "axis", axes))
         return axes[chosen]
     return robot(name).up if name in (*robots(), *families()) else "z"
+
+
+def free_fall(robot: str, words: str | None, *, none: bool) -> list[float]:
+    """Acceleration of free fall [m/s^2]: as given, none, or against the robot's up axis.
+
+    Raises ``BadArgumentError``.
+    """
+    if none:
+        return [0.0, 0.0, 0.0]
+    if words is None:
+        return [-9.81 if axis == up_axis(robot) else 0.0 for axis in "xyz"]
+    numbers = [number(word, "--gravity") for word in words.replace(",", " ").split()]
+    if len(numbers) != 3:
+        raise BadArgumentError(f"--gravity: expected three numbers, got {words!r}")
+    return numbers
 
 
 def finite(values: Sequence[float], what: str) -> None:
@@ -314,9 +331,16 @@ def all_inputs(
     mechanism: Mechanism, given: Mapping[str, float], mode: str | None = None
 ) -> dict[str, float]:
     """Values of all inputs: those given, else those of home, or of another named posture."""
-    start = mechanism.home if mode is None else mechanism.posture(mode)
+    start = start_posture(mechanism, mode)
     home = zip(mechanism.inputs, mechanism.input_values(start), strict=True)
     return {name: given.get(name, float(value)) for name, value in home}
+
+
+def start_posture(mechanism: Mechanism, mode: str | None, *, working: bool = False) -> np.ndarray:
+    """Home, or the posture (nq,) of a mode: a working mode where the tip's pose is prescribed."""
+    from closedchain.closure.modes.choosing import mode_posture
+
+    return mechanism.home if mode is None else mode_posture(mechanism, mode, working=working)
 
 
 def positive(value: float, what: str) -> None:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import sys
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from closedchain import _arguments as arguments
 from closedchain._options import Json, NoXacro, Robot, Settings, Variant
-from closedchain._terminal import print_json, say
+from closedchain._terminal import print_json, remark, say, tell
 
 if TYPE_CHECKING:
     from closedchain.analysis.symbolic import SymbolicSingularities
@@ -33,11 +34,13 @@ def closed_forms(
     import closedchain as cc
 
     mechanism = arguments.load_robot(robot, settings or (), variant, xacro=not no_xacro)
+    if sys.stderr.isatty():
+        remark("deriving closed forms ...")
     found = cc.symbolic_singularities(mechanism, arguments.assignments(names or (), "--name"))
     if json:
         print_json(_data(found))
     else:
-        say(found.latex if latex else found.text)
+        say(found.latex) if latex else tell(found.text)
 
 
 def _data(found: SymbolicSingularities) -> dict[str, Any]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -12,7 +12,18 @@ import typer
 from closedchain import _arguments as arguments
 from closedchain import _follow_words as words
 from closedchain._follow_report import report
-from closedchain._options import Json, NoXacro, Outputs, Robot, Settings, Variant
+from closedchain._options import (
+    Gravity,
+    Json,
+    NoXacro,
+    Outputs,
+    Payload,
+    Robot,
+    Settings,
+    Variant,
+    Wrench,
+)
+from closedchain._statics_command import payloads, wrenches
 from closedchain._terminal import fail
 from closedchain.urdf.errors import known_names
 from closedchain.urdf.extras import require
@@ -76,6 +87,13 @@ def follow(
         ),
     ] = None,
     outputs: Outputs = None,
+    efforts: Annotated[
+        bool,
+        typer.Option("--efforts", help="Also the efforts of the inputs and what joints carry."),
+    ] = False,
+    wrench: Wrench = None,
+    payload: Payload = None,
+    gravity: Gravity = None,
     settings: Settings = None,
     variant: Variant = None,
     no_xacro: NoXacro = False,
@@ -99,6 +117,8 @@ def follow(
         fail(known_names(method, "method", METHODS))
     if compare and lock:
         fail("--compare locks each input in turn: leave out --lock")
+    if not efforts and (wrench or payload or gravity):
+        fail("--wrench, --payload and --gravity are for --efforts")
     m = arguments.load_robot(robot, settings or (), variant, xacro=not no_xacro)
     names = m.outputs(outputs or task_outputs(robot))
     options: dict[str, Any] = {"outputs": names, "objective": objective}
@@ -108,6 +128,11 @@ def follow(
         options["gain"] = gain
     locks = words.locks(m, lock or ())
     wanted = words.read_task(m, robot, task, names)
+    loads = {
+        "wrench": wrenches(m, wrench),
+        "payload": payloads(payload),
+        "gravity": arguments.free_fall(robot, gravity, none=False),
+    }
     out.mkdir(parents=True, exist_ok=True)
     arguments.refuse_read_only(out)
     found: Comparison | None = None
@@ -121,6 +146,8 @@ def follow(
                 *(m, wanted), method=way, lock=locks, progress=progress or False, **options
             )
     files = write(run, wanted, found, out, arguments.up_axis(robot))
+    if efforts:
+        files |= write_efforts(run, loads, out)
     report(run, wanted, found, files, json)
     if not run.converged:
         fail(run.message)
@@ -149,6 +176,26 @@ def write(
         writer(files[name])
     index = write_index(title, files, [run.message])
     return {**files, index.name: index}
+
+
+def write_efforts(run: Follow, loads: Mapping[str, Any], folder: Path) -> dict[str, Path]:
+    """Write efforts, powers and joint wrenches of a run; return the paths by name.
+
+    Raises
+    ------
+    ClosureError
+        Unknown frames, too few samples, a posture at which inputs do not determine the motion.
+    OSError
+        The folder cannot be written.
+    """
+    import closedchain as cc
+    from closedchain.analysis.figures.efforts import draw_efforts
+
+    found = cc.efforts_along(run.problem.mechanism, run.times, run.q, **loads)
+    files = {name: folder / name for name in ("efforts.nc", "efforts.png")}
+    found.to_dataset().to_netcdf(files["efforts.nc"], engine="h5netcdf")
+    draw_efforts(found, files["efforts.png"])
+    return files
 
 
 def _others(found: Comparison, run: Follow) -> dict[str, Follow]:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from closedchain._terminal import pairs, print_json, say, table
+from closedchain._terminal import pairs, print_json, say, table, tell
 
 if TYPE_CHECKING:
     from closedchain.analysis.motion.follow import Comparison, Follow, TaskPath
@@ -51,7 +51,7 @@ def report(
     for path in files.values():
         say(str(path))
     if run.converged:
-        say(run.message)
+        tell(run.message)
 
 
 def _data(run: Follow, task: TaskPath) -> dict[str, Any]:
@@ -114,6 +114,6 @@ def _print_comparison(found: Comparison) -> None:
     say("")
     for row in found.rows:
         if not row.converged:
-            say(f"{row.name}: {row.message}")
-    say(found.text.splitlines()[-1])
+            tell(f"{row.name}: {row.message}")
+    tell(found.text.splitlines()[-1])
     say("")

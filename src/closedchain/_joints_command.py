@@ -39,7 +39,7 @@ def joints(
 
     mechanism = arguments.load_robot(robot, settings or (), variant, xacro=not no_xacro)
     mechanism.required_inputs()
-    q = mechanism.closed_home() if mode is None else mechanism.posture(mode)
+    q = mechanism.closed_home() if mode is None else arguments.start_posture(mechanism, mode)
     if values:
         given = arguments.all_inputs(mechanism, arguments.input_values(mechanism, values), mode)
         q = cc.direct(mechanism, given, q).raise_if_failed().q

@@ -39,6 +39,14 @@ NoXacro = Annotated[
     typer.Option("--no-xacro", help="Read plain URDF only; xacro in a file runs as Python code."),
 ]
 NoGravity = Annotated[bool, typer.Option("--no-gravity", help="Without weights.")]
+Gravity = Annotated[
+    str | None,
+    typer.Option(
+        metavar='"X Y Z"',
+        help="Acceleration of free fall [m/s^2], along the world's axes; by default 9.81 against "
+        "the robot's up axis: z, or another one of robots of the catalogue.",
+    ),
+]
 Wrench = Annotated[
     list[str] | None,
     typer.Option(
@@ -79,7 +87,10 @@ Kinds = Annotated[
 ]
 Mode = Annotated[
     str | None,
-    typer.Option(metavar="NAME", help="Posture of the description to start from; home by default."),
+    typer.Option(
+        metavar="NAME|NUMBER",
+        help="Posture of the description to start from, or mode of 'postures'; home by default.",
+    ),
 ]
 Resolution = Annotated[
     int | None,

@@ -11,7 +11,7 @@ import typer
 
 from closedchain import _arguments as arguments
 from closedchain._options import Json, NoXacro, Outputs, Robot, Settings, Triple, Values, Variant
-from closedchain._terminal import fail, print_json, remark, say, table
+from closedchain._terminal import fail, print_json, remark, table, tell
 from closedchain.urdf.extras import require
 
 if TYPE_CHECKING:
@@ -102,7 +102,7 @@ def postures(
         return
     _report(mechanism, found)
     if connections is not None:
-        say("\n" + connections.text)
+        tell("\n" + connections.text)
 
 
 class _Told:
@@ -228,7 +228,7 @@ def _data(found: Postures) -> dict[str, Any]:
 
 
 def _report(mechanism: Mechanism, found: Postures) -> None:
-    say(found.text)
+    tell(found.text)
     if not found.count:
         return
     tip = mechanism.task is not None

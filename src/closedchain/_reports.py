@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import textwrap
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from closedchain._terminal import pairs, print_json, say, table
+from closedchain._terminal import pairs, print_json, say, table, tell
 
 if TYPE_CHECKING:
     import numpy as np
@@ -18,7 +17,6 @@ if TYPE_CHECKING:
     from closedchain.analysis.survey.surveying import Survey
     from closedchain.closure import Mechanism, Solution
 
-_WIDTH = 100  # of lines of prose
 _HEADINGS = {
     "papers": "Robots of papers, with closed forms of their own (--json names the papers):",
     "classics": "Classics, each with numbers that are settled (docs/robots/classics.md):",
@@ -71,8 +69,8 @@ def members(name: str, json: bool) -> None:
     )
 
 
-def info(mechanism: Mechanism, json: bool) -> None:
-    """Inputs, task, closures, parameters and mobility."""
+def info(mechanism: Mechanism, json: bool, source: str = "") -> None:
+    """Inputs, task, closures, parameters and mobility; ``source`` is where it was published."""
     import closedchain as cc
 
     counted = None if mechanism.home_open else cc.mobility(mechanism)
@@ -102,6 +100,8 @@ def info(mechanism: Mechanism, json: bool) -> None:
         facts["tip at home, xyz [m]"] = _tidy(data["tip"]["xyz"])
         facts["tip at home, rpy [rad]"] = _tidy(data["tip"]["rpy"])
     pairs(facts)
+    if source:
+        tell(f"source: {source}")
     say("")
     table(
         ("input", "joint", "home", "lower", "upper", "unit"),
@@ -119,17 +119,17 @@ def info(mechanism: Mechanism, json: bool) -> None:
         say("")
         table(("parameter", "value"), list(mechanism.parameters.items()))
     if counted is None:
-        say(
+        tell(
             f"\n{mechanism.name}: home is open by {mechanism.open_by:.3g}, the mobility is unknown."
         )
     else:
         say(f"\n{counted.text}")
         if max(around) < counted.mobility:
-            say(textwrap.fill(_fewer(around), _WIDTH))
+            tell(_fewer(around))
     if relaxed is not None:
-        say(textwrap.fill(relaxed.text, _WIDTH))
+        tell(relaxed.text)
     for note in mechanism.notes:
-        say(textwrap.fill(f"note: {note}", _WIDTH, subsequent_indent="  "))
+        tell(f"note: {note}")
 
 
 def _fewer(around: tuple[int, ...]) -> str:
@@ -290,7 +290,7 @@ def solution(mechanism: Mechanism, found: Solution, more: Mapping[str, list[str]
         facts["outputs prescribed"] = more["outputs"]
     facts |= {"residual [m, rad]": found.residual, "solved equations": str(found.rank_decision)}
     pairs(facts)
-    say(found.message)
+    tell(found.message)
 
 
 def classification(mechanism: Mechanism, q: np.ndarray, found: Classification, json: bool) -> None:
@@ -321,7 +321,7 @@ def classification(mechanism: Mechanism, q: np.ndarray, found: Classification, j
             ("constraint", _yes("constraint", found), found.sigma_constraint, None),
         ],
     )
-    say(f"\n{found.text}")
+    tell(f"\n{found.text}")
 
 
 def survey(found: Survey, written: Mapping[str, Path], json: bool, *, details: bool) -> None:
@@ -335,13 +335,13 @@ def survey(found: Survey, written: Mapping[str, Path], json: bool, *, details: b
         table(shown, [[row[name] for name in shown] for row in rows])
         say("")
     if details:
-        say(found.text)
+        tell(found.text)
     else:
         for note in found.notes:
-            say(note)
+            tell(note)
         if found.details:
             say(f"{len(found.details)} remarks on how sets were sought: --details shows them.")
-        say("At home: " + found.redundancy.text)
+        tell("At home: " + found.redundancy.text)
     for path in written.values():
         say(str(path))
 

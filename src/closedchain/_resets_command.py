@@ -9,7 +9,7 @@ import typer
 
 from closedchain import _arguments as arguments
 from closedchain._options import Json, NoXacro, Robot, Settings, Variant, Workers
-from closedchain._terminal import print_json, say
+from closedchain._terminal import print_json, say, tell
 from closedchain.urdf.extras import require
 
 
@@ -61,7 +61,7 @@ def resets(
         raise arguments.BadArgumentError(f"--out {out}: the name must end in .npz, .zarr or .nc")
     require("states are written as a dataset of xarray", "maps")
     mechanism = arguments.load_robot(robot, settings or (), variant, xacro=not no_xacro)
-    starts = np.array([mechanism.posture(name) for name in mode]) if mode else None
+    starts = np.array([arguments.start_posture(mechanism, name) for name in mode]) if mode else None
     wanted = _ranges(over) if over else None
     found = cc.resets(mechanism, n, seed, over=wanted, start=starts, speed=speed, workers=workers)
     data = found.to_dataset()
@@ -84,7 +84,7 @@ def resets(
         facts = {"states": len(found), "accepted": found.accepted, "residual": found.residual}
         print_json({"robot": mechanism.name, **facts, "drawn": found.names, "file": str(out)})
         return
-    say(found.text)
+    tell(found.text)
     say(str(out))
 
 

@@ -11,6 +11,7 @@ import typer
 from closedchain import _arguments as arguments
 from closedchain._options import (
     Density,
+    Gravity,
     Json,
     NoGravity,
     NoXacro,
@@ -22,7 +23,7 @@ from closedchain._options import (
     Wrench,
 )
 from closedchain._statics_command import loaded, payloads, wrenches
-from closedchain._terminal import print_json, say
+from closedchain._terminal import print_json, say, tell
 from closedchain.urdf.extras import require
 
 
@@ -47,6 +48,7 @@ def simulate(
     ] = False,
     wrench: Wrench = None,
     payload: Payload = None,
+    gravity: Gravity = None,
     no_gravity: NoGravity = False,
     density: Density = None,
     settings: Settings = None,
@@ -67,12 +69,13 @@ def simulate(
     given = arguments.input_values(mechanism, effort or (), "--effort")
     tau = np.array([given.get(name, 0.0) for name in mechanism.inputs])
     forces, masses = wrenches(mechanism, wrench), payloads(payload)
+    fall = arguments.free_fall(robot, gravity, none=no_gravity)
     if hold:
-        held = cc.statics(mechanism, q, forces, not no_gravity, payload=masses)
+        held = cc.statics(mechanism, q, forces, fall, payload=masses)
         tau += held.raise_if_failed().inputs
     found = cc.simulate(
         *(mechanism, q, None, tau, until),
-        every=every, wrench=forces, payload=masses, gravity=not no_gravity, limits=not no_limits,
+        every=every, wrench=forces, payload=masses, gravity=fall, limits=not no_limits,
     )  # fmt: skip
     out.mkdir(parents=True, exist_ok=True)
     data, page = out / "motion.nc", out / _file(mechanism.name)
@@ -94,7 +97,7 @@ def simulate(
         print_json({"robot": mechanism.name, **facts, **numbers, "events": events, "files": paths})
         return
     for line in lines:
-        say(line)
+        tell(line)
     say(f"loops closed to {found.residual:.1e}, energy drifts by {found.drift:.1e} W")
     for path in files:
         say(str(path))

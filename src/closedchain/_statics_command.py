@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from closedchain import _arguments as arguments
 from closedchain._options import (
     Density,
+    Gravity,
     Json,
     NoGravity,
     NoXacro,
@@ -17,7 +18,7 @@ from closedchain._options import (
     Variant,
     Wrench,
 )
-from closedchain._terminal import fail, print_json, say, table
+from closedchain._terminal import fail, print_json, say, table, tell
 
 if TYPE_CHECKING:
     import numpy as np
@@ -52,6 +53,7 @@ def statics(
     values: Values = None,
     wrench: Wrench = None,
     payload: Payload = None,
+    gravity: Gravity = None,
     no_gravity: NoGravity = False,
     density: Density = None,
     settings: Settings = None,
@@ -64,13 +66,16 @@ def statics(
 
     mechanism, q = loaded(robot, values, settings, variant, no_xacro=no_xacro, density=density)
     forces, masses = wrenches(mechanism, wrench), payloads(payload)
-    found = cc.statics(mechanism, q, forces, not no_gravity, payload=masses)
+    fall = arguments.free_fall(robot, gravity, none=no_gravity)
+    found = cc.statics(mechanism, q, forces, fall, payload=masses)
     if json:
-        print_json({"robot": mechanism.name, **vars(found)})
+        print_json({"robot": mechanism.name, "gravity": fall, **vars(found)})
     if not found.carried:
         fail(found.text)
     if not json:
         _report(mechanism, found)
+        if any(fall):
+            say(f"weights: {' '.join(f'{x:g}' for x in fall)} m/s^2")
 
 
 def payloads(words: list[str] | None) -> dict[str, float]:
@@ -105,7 +110,7 @@ def _report(mechanism: Mechanism, found: Statics) -> None:
         ("joint", "fx [N]", "fy [N]", "fz [N]", "mx [N m]", "my [N m]", "mz [N m]"),
         [(name, *_tidy(w.tolist())) for name, w in found.joints.items()],
     )
-    say(f"\n{found.text}")
+    tell(f"\n{found.text}")
 
 
 def _tidy(numbers: list[float]) -> list[float]:

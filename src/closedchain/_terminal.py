@@ -5,13 +5,15 @@ from __future__ import annotations
 import json
 import math
 import sys
+import textwrap
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any, NoReturn
+from typing import Any, Literal, NoReturn
 
 import numpy as np
 import typer
 
-WIDE = 100_000  # columns of an output that is no terminal: nothing is cut
+WIDTH = 80  # columns of sentences
+WIDE = 100_000  # columns of tables where the output is no terminal: rows are whole
 
 
 def fail(message: str) -> NoReturn:
@@ -30,8 +32,30 @@ def say(text: str) -> None:
     typer.echo(text)
 
 
+def tell(text: str) -> None:
+    """Print sentences, lines that are too long broken at words and set in by two columns more."""
+    for line in text.splitlines():
+        inset = line[: len(line) - len(line.lstrip())]
+        typer.echo(
+            textwrap.fill(
+                line,
+                WIDTH,
+                subsequent_indent=inset + "  " if inset else "",
+                break_long_words=False,
+                break_on_hyphens=False,
+                replace_whitespace=False,
+                drop_whitespace=True,
+            )
+            if len(line) > WIDTH
+            else line
+        )
+
+
 def table(columns: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
-    """Print a table, numbers to six digits; fitted to the width on a terminal only."""
+    """Print a table, numbers to six digits; fitted to the width on a terminal only.
+
+    There words are broken, and numbers are whole unless they alone are wider.
+    """
     from rich import box
     from rich.console import Console
     from rich.table import Table
@@ -41,7 +65,8 @@ def table(columns: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
     grid = Table(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False)
     for i, name in enumerate(columns):
         numeric = bool(values) and all(isinstance(row[i], float | int | None) for row in values)
-        grid.add_column(Text(name), justify="right" if numeric else "left", overflow="fold")
+        side: Literal["right", "left"] = "right" if numeric else "left"
+        grid.add_column(Text(name), justify=side, overflow="fold", no_wrap=numeric)
     for row in values:
         grid.add_row(*(Text(_cell(value)) for value in row))
     console = Console(width=None if sys.stdout.isatty() else WIDE, highlight=False)

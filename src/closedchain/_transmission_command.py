@@ -11,7 +11,7 @@ import typer
 
 from closedchain import _arguments as arguments
 from closedchain._options import Json, NoXacro, Robot, Settings, Variant
-from closedchain._terminal import print_json, say, table
+from closedchain._terminal import print_json, say, table, tell
 from closedchain.urdf.extras import require
 
 if TYPE_CHECKING:
@@ -88,7 +88,7 @@ def transmission(
         print_json({**names, "home": found.home, **counts, "files": paths})
         return
     _report(found)
-    say(
+    tell(
         f"{there.sum()} of {there.size} positions are reached, {within.sum()} with the motors "
         "within their limits"
     )

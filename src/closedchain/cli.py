@@ -121,7 +121,11 @@ def info(
     json: Json = False,
 ) -> None:
     """Inputs, task, closures, parameters and mobility of a robot."""
-    reports.info(_load(robot, settings, variant, no_xacro), json)
+    from closedchain.robots import robot as entry
+    from closedchain.robots import robots
+
+    source = entry(robot).source if robot in robots() else ""
+    reports.info(_load(robot, settings, variant, no_xacro), json, source)
 
 
 @app.command()
@@ -178,7 +182,7 @@ def inverse(
     if xyz is None and rpy is None:
         fail("inverse needs --xyz, --rpy or both")
     arguments.finite((*(xyz or ()), *(rpy or ())), "tip pose")
-    start = mechanism.home if mode is None else mechanism.posture(mode)
+    start = arguments.start_posture(mechanism, mode, working=True)
     pose = mechanism.pose(start)
     rotation = pose.rotation if rpy is None else pin.rpy.rpyToMatrix(*rpy)
     pose = pin.SE3(rotation, pose.translation if xyz is None else np.array(xyz))
@@ -310,7 +314,7 @@ def singularities(
     for name in held:
         if wanted.slices and all(name in names for names in wanted.slices):
             fail(f"--at {name}: every slice varies {name} itself")
-    start = mechanism.home if mode is None else mechanism.posture(mode)
+    start = arguments.start_posture(mechanism, mode)
     out.mkdir(parents=True, exist_ok=True)
     arguments.refuse_read_only(out)
     with reporting(True) as progress:
@@ -404,7 +408,7 @@ def _load(robot: str, settings: list[str] | None, variant: str | None, no_xacro:
 def _direct(mechanism: Mechanism, given: dict[str, float], mode: str | None) -> Solution:
     import closedchain as cc
 
-    start = mechanism.home if mode is None else mechanism.posture(mode)
+    start = arguments.start_posture(mechanism, mode)
     return cc.direct(mechanism, arguments.all_inputs(mechanism, given, mode), start)
 
 
@@ -416,7 +420,7 @@ def _posture(mechanism: Mechanism, values: list[str] | None, mode: str | None) -
     import closedchain as cc
 
     if not values:
-        return mechanism.home if mode is None else mechanism.posture(mode)
+        return arguments.start_posture(mechanism, mode)
     given = arguments.input_values(mechanism, values)
     solution = _direct(mechanism, given, mode)
     if not solution.converged and mechanism.task is not None:

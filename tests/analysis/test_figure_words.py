@@ -18,7 +18,7 @@ from closedchain.analysis.figures.palette import COLOURED, DASHES, EDGES, MARKER
 from closedchain.analysis.figures.saving import alt_file, words_of
 from closedchain.analysis.figures.ticks import part_ticks, touching_labels
 from closedchain.analysis.singularity.sets.mesh_fit import Fit
-from closedchain.analysis.survey.captions import account, caption, heading
+from closedchain.analysis.survey.captions import account, caption, description, heading
 from closedchain.analysis.survey.set_tables import SavedSet
 
 GRID = np.linspace(-1.0, 1.0, 9)
@@ -76,10 +76,11 @@ def test_a_caption_says_how_sets_were_found() -> None:
     assert account(whole) == "direct: every posture over x × y is singular"
     words = caption(data, [direct])
     assert words.startswith(f"arm: {heading(data)}. Direct: 1 curve")
-    assert "grid of 9 × 9 cells" in words
+    assert "on a grid;" in words  # of sets made by hand none is known
+    assert "on a grid of 5 × 7 cells;" in caption(data, [replace(direct, grid=(5, 7))])
     assert "no finer grid was tried" in words
     assert "no finer grid" not in caption(data, [replace(direct, missed=0)])
-    assert "not looked for" in caption(data, [])
+    assert "Map of 9 × 9 cells; no singular sets are drawn." in caption(data, [])
     points, triangles = sphere(0.6)
     mesh = replace(
         made_set("inverse", ("x", "y", "z"), points, (triangles,)),
@@ -88,6 +89,15 @@ def test_a_caption_says_how_sets_were_found() -> None:
     said = account(mesh)
     for part in ("within 0.05 cells", "0.031", "7 were split", "2 were left out", "in 1 cells"):
         assert part in said
+
+
+def test_shares_are_told_to_what_is_there() -> None:
+    cells = np.linspace(-1.0, 1.0, 60)
+    data = held_map(x=cells, y=cells)
+    assert "100 % on the branch." in description(data, [], [])
+    data["status"][0, 0] = 1
+    words = description(data, [], ["sigma_direct"])
+    assert "99.97 % on the branch, 0.03 % without a closed posture that was found." in words
 
 
 @pytest.mark.parametrize("ending", ["png", "svg", "pdf"])
@@ -157,6 +167,16 @@ def test_ticks_that_touch_are_taken_away() -> None:
     assert touching_labels(figure)
     part_ticks(figure)
     assert not touching_labels(figure)
+
+
+def test_a_map_is_told_in_words_too() -> None:
+    data = held_map(x=GRID, y=GRID)
+    data["status"][:3] = 3
+    words = words_of(draw_map(data, curves()))  # type: ignore[arg-type]
+    assert words.startswith(heading(data))
+    assert "inverse: 1 curve through 3 points" in words
+    assert "sigma direct [y [m]] over x [m]: colours from 0 to 1" in words
+    assert "from 1 to 1" not in words
 
 
 def test_figures_of_lines_are_told_in_words() -> None:

@@ -12,7 +12,11 @@ from typer.testing import CliRunner
 
 import closedchain as cc
 from closedchain.cli import app
-from closedchain.closure.modes.shapes import Shapes, groups
+from closedchain.closure.modes.blocks import blocks_of
+from closedchain.closure.modes.complex_equations import equations_of
+from closedchain.closure.modes.monodromy import generic_solutions
+from closedchain.closure.modes.shapes import Shapes, groups, shapes_of
+from closedchain.closure.position import driven
 
 LEGS = (1, 0.645275, 1.086284, 1.503439, 1.281933, 0.771071)
 """Dietmaier, The Stewart-Gough platform of general geometry can have 40 real postures, 1998."""
@@ -104,3 +108,19 @@ def test_the_command(tmp_path: object) -> None:
         refused = runner.invoke(app, wrong, catch_exceptions=False)
         assert refused.exit_code == 1
         assert why in refused.stderr
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [3, 4, 8, 10, 21])
+def test_platforms_of_random_sizes_have_forty(seed: int) -> None:
+    """Those of which loops that are small beside the platform reached 37 to 39.
+
+    The first has solutions that are a thousand times as large as itself.
+    """
+    rng = np.random.default_rng(seed)
+    feet, tops = (" ".join(map(str, 0.5 * rng.standard_normal(18))) for _ in range(2))
+    home = "0.03 -0.02 0.5 0.0572 -0.0956 0.0793 0.9896"
+    m = cc.load("gough_stewart", feet=feet, tops=tops, home=home, leg_max=5)
+    (block,) = blocks_of(equations_of(driven(m)))
+    found = generic_solutions(block, shapes_of(m))
+    assert (len(found.q), found.points, found.known) == (40, 120, True)

@@ -183,7 +183,7 @@ def test_a_volume_has_a_surface(volume: Survey) -> None:
         ({"slices": [("q1", "q2")], "at": {"q1": 0.0}}, "every slice varies it"),
         ({"at": {"q9": 0.0}}, "unknown coordinate 'q9'"),
         ({"kinds": ["direct", "odd"]}, "unknown kind of singularity 'odd'"),
-        ({"mode": "+-"}, "unknown posture '\\+-'"),
+        ({"mode": "+-"}, "unknown mode '\\+-'"),
         ({"resolution": 2}, "between 3 and 5000 points"),
         ({"span": 0.0}, "above zero"),
         ({"slices": [("q1",)], "ranges": {"q1": (0.2, 0.2)}}, "must rise"),

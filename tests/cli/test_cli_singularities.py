@@ -205,7 +205,7 @@ BAD = {
     "held, no number": (["--at", "q1=x"], "not a finite number"),
     "held, out of reach": (["--over", "q1", "--at", "q2=9"], "out of reach"),
     "unknown kind": (["--kind", "odd"], "unknown kind of singularity 'odd'"),
-    "unknown mode": (["--over", "q1", "--mode", "up"], "unknown posture 'up'"),
+    "unknown mode": (["--over", "q1", "--mode", "up"], "unknown mode 'up'"),
     "no width": (["--span", "0"], "above zero"),
     "unknown output": (["--outputs", "x q"], "unknown output 'q'"),
 }

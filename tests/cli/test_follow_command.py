@@ -351,3 +351,23 @@ def test_a_robot_without_redundancy_or_without_task(tmp_path: Path) -> None:
     done = run(str(bare), *common)
     assert done.exit_code == 1
     assert "no task" in done.stderr
+
+
+def test_efforts_along_a_task(tmp_path: Path) -> None:
+    """Those of the samples' spline, under weights along D1's vertical and a wrench at the tip."""
+    words = ["d1", "--task", "hexagon", "--out", str(tmp_path), "--efforts"]
+    text = good(*words, "--wrench", "0 50 0 0 0 0", "--payload", "T=1")
+    assert str(tmp_path / "efforts.png") in text
+    with xr.open_dataset(tmp_path / "efforts.nc", engine="h5netcdf") as found:
+        m = cc.load("d1")
+        motion = xr.open_dataset(tmp_path / "path.nc", engine="h5netcdf")
+        expected = cc.efforts_along(
+            m, motion["time"].values, motion["q"].values, wrench=[0, 50, 0, 0, 0, 0],
+            gravity=[0, -9.81, 0], payload={"T": 1.0},
+        )  # fmt: skip
+        assert_close(found["effort"].values, expected.inputs, 1e-9)
+    for more in (["--wrench", "1 2"], ["--payload", "nobody=1"]):
+        done = run(*words, *more)
+        assert done.exit_code == 1
+        assert len(done.stderr.strip().splitlines()) == 1
+    assert "are for --efforts" in run(*words[:-1], "--payload", "T=1").stderr

@@ -36,8 +36,20 @@ def test_payload_and_other_postures() -> None:
     assert_close(found["inputs"], cc.statics(m, q, payload={m.task.tip: 2.0}).inputs, 1e-9)
 
 
+def test_weights_pull_against_the_robots_up_axis() -> None:
+    """D1 stands with y up; other directions, or none, are asked for."""
+    m = cc.load("d1")
+    for words, fall in (([], [0, -9.81, 0]), (["--gravity", "0 0 -1.62"], [0, 0, -1.62]),
+                        (["--no-gravity"], [0, 0, 0])):  # fmt: skip
+        found = json.loads(run("d1", *words, "--json").stdout)
+        assert_close(found["inputs"], cc.statics(m, m.home, gravity=fall).inputs, 0.0)
+    assert "weights: 0 -9.81 0 m/s^2" in run("d1").stdout
+
+
 def test_wrong_words_are_one_line() -> None:
     for words in (
+        ["d1", "--gravity", "9.81"],
+        ["d1", "--gravity", "0 0 down"],
         ["d1", "--wrench", "1 2 3"],
         ["d1", "--wrench", "nobody=0 0 0 0 0 0"],
         ["d1", "--wrench", "1 2 3 4 5 six"],

@@ -65,4 +65,4 @@ def test_commands_take_a_mode() -> None:
     assert run("classify", "eclipse", "--mode", "-+-").exit_code == 0
     unknown = run("classify", "eclipse", "--mode", "up")
     assert unknown.exit_code == 1
-    assert "unknown posture 'up'" in unknown.stderr
+    assert "unknown mode 'up'" in unknown.stderr

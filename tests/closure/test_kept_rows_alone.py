@@ -7,6 +7,8 @@ import pytest
 from conftest import Tolerances
 
 import closedchain as cc
+from closedchain.closure.solve.path import follower_of
+from closedchain.closure.solve.problem import problem_of
 from closedchain.closure.solve.samples import closed_samples
 
 STARTS = ((7, (-0.251982973902671, 0.09875203559142733, -0.2595014604884375)),
@@ -41,3 +43,13 @@ def test_many_at_once_do_so_too() -> None:
         assert step.converged[whole.converged].all()
         q = step.q
     assert np.abs(q - whole.q)[whole.converged].max() < 1e-10
+
+
+def test_rows_that_follow_to_the_first_order_only_do_not_stop_the_machine(tol: Tolerances) -> None:
+    """Wren's platform: three rows kept hold the others to the square of a step."""
+    m = cc.load("wren")
+    problem = problem_of(m)
+    assert len(problem.kept) == 3 < m.rows
+    way = follower_of(problem).run(m.home[None], *2 * [problem.targets_at(m.home[None])])
+    assert way.reached[0] == 1.0
+    assert np.abs(m.workspace.residual(way.q[0])).max() < tol.closure

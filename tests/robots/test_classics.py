@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import json
 import math
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from conftest import Tolerances, assert_close
+from typer.testing import CliRunner
 
 import closedchain as cc
+from closedchain.cli import app
 from closedchain.robots import robot
 
 EVERY = [
@@ -107,6 +111,8 @@ def test_every_classic_is_counted_somewhere() -> None:
     [
         ("five_bar", {"rods": "0.3 0.01"}, "home"),
         ("three_rrr", {"arm": -0.1}, "arm"),
+        ("three_rrr", {"corners": "0 0 0.1 0"}, "corners"),
+        ("gough_stewart", {"tops": "0 0 1"}, "tops"),
         ("three_rpr", {"sides": "1 2 4"}, "sides"),
         ("three_upu", {"axes": "askew"}, "axes"),
         ("delta", {"home": "0 0 -2"}, "home"),
@@ -163,6 +169,18 @@ def test_equal_triangles_on_parallel_legs_are_loose_wherever_they_go(tol: Tolera
     assert s.converged
     assert freedoms(m, s.q) == (3, 2)
     assert_close(m.pose(s.q).rotation, np.eye(3), tol.algebra)
+
+
+@pytest.mark.slow
+def test_info_tells_motion_from_the_promise_of_the_rank() -> None:
+    def info(*words: str) -> str:
+        done = CliRunner().invoke(app, ["info", *words], catch_exceptions=False)
+        assert done.exit_code == 0
+        return " ".join(done.stdout.split())
+
+    assert "form sets of dimension 2 and of dimension 1." in info("wren")
+    assert json.loads(info("bennett", "--json"))["mobility"]["finite"] == [1]
+    assert "Not all of that is motion" not in info("bennett")
 
 
 def test_bennett_moves_only_with_his_sizes() -> None:
@@ -268,6 +286,25 @@ def test_delta_is_three_spheres(tol: Tolerances) -> None:
     assert len({tuple(np.round(mode, 9)) for mode in modes}) == 8
 
 
+def test_delta_with_upright_rods_is_loose() -> None:
+    """The couples of three pairs of upright rods are level, so that none of them is about z."""
+    m = cc.load("delta", home="0 0 -0.8", elbows="-1 -1 -1")
+    assert_close(np.cos(m.input_values(m.home)), np.full(3, -0.6), 1e-12)
+    assert freedoms(m, m.home) == (4, 3)  # it turns, and slides any way
+    assert cc.classify(m, m.home).kinds >= {"direct", "constraint"}
+    near = cc.load("delta", home="0 0 -0.75", elbows="-1 -1 -1")
+    assert freedoms(near, near.home) == (3, 0)
+
+
+@pytest.mark.slow
+def test_delta_falls_until_its_rods_are_upright() -> None:
+    m = cc.load("delta")
+    fall = cc.simulate(m, m.home, np.zeros(m.model.nv), None, 0.4)
+    assert fall.ending.word == "singularity"
+    assert abs(fall.t[-1] - 0.282) < 0.001
+    assert_close(np.cos(m.input_values(fall.q[-1])), np.full(3, -0.6), 1e-6)
+
+
 def test_agile_eye_keeps_its_axes_at_right_angles(tol: Tolerances) -> None:
     """The middle axis of each leg, which its input turns, is square to the platform's."""
     m, e = cc.load("agile_eye"), np.eye(3)
@@ -308,6 +345,16 @@ def test_six_r_closes_by_denavit_and_hartenberg(tol: Tolerances) -> None:
         )
     assert_close(hand, np.eye(4), tol.algebra)
     assert abs(m.input_values(m.home)[0]) < tol.closure
+
+
+def test_wren_keeps_to_a_sphere(tol: Tolerances) -> None:
+    """Its rows depend on each other to the first order only; what is solved is closed."""
+    m = cc.load("wren")
+    place = 2.0 * np.array([0.15, 0.1, math.sqrt(1.0 - 0.15**2 - 0.1**2)])
+    s = cc.inverse(m, pin.SE3(np.eye(3), place))
+    assert s.converged
+    assert s.residual < tol.closure
+    assert not cc.inverse(m, pin.SE3(np.eye(3), 1.02 * place)).converged
 
 
 def test_double_butterfly_by_its_bars(tol: Tolerances) -> None:

@@ -425,7 +425,7 @@ def test_a_plane_shows_where_it_is_and_leads_elsewhere(
 
 
 def test_a_map_around_here_follows_the_branch(browser: Browser, tmp_path: Path) -> None:
-    """The cells that it reaches are those that Python reaches; on its line det_inverse is 0."""
+    """It reaches the cells that Python reaches; its line is where det_inverse is 0."""
     m = cc.load("rpa3t")
     with opened(browser, static_page(m, controls=True), tmp_path):
         ask(browser, "element('pairs').selectedIndex = 1;"

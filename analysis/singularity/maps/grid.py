@@ -11,7 +11,8 @@ from numpy.typing import ArrayLike
 from closedchain.closure.chart import Chart, joint_index
 from closedchain.closure.charting import At, chart_of
 from closedchain.closure.mechanism import Mechanism
-from closedchain.urdf.errors import ClosureError, known_names
+from closedchain.closure.modes.choosing import by_pose, mode_posture
+from closedchain.urdf.errors import ClosureError
 
 STATUSES = (
     "ok",
@@ -98,7 +99,7 @@ def grid_of(
     at: At = None,
     *,
     outputs: str | Sequence[str] | None = None,
-    mode: str | None = None,
+    mode: str | int | None = None,
 ) -> Grid:
     """Check what is asked for and find the posture to start from.
 
@@ -107,8 +108,9 @@ def grid_of(
     over : mapping of coordinate to rising values [m or rad]
     at : mapping of coordinate to value, or (nq,) array, optional
         What is held, or a closed posture on the branch that is meant; home by default.
-    mode : str, optional
-        Named posture of the mechanism to start from, in the place of home.
+    mode : str or int, optional
+        Named posture or mode to start from, in the place of home, as ``cc.direct`` takes it; where
+        tip coordinates vary, as ``cc.inverse`` does.
 
     Raises
     ------
@@ -122,7 +124,8 @@ def grid_of(
             f"a map varies at most {MOST_COORDINATES} coordinates, got {len(names)}: "
             f"{' '.join(names)}; hold some of them with at="
         )
-    start = None if mode is None else _posture(mechanism, mode)
+    working = by_pose(mechanism, names)
+    start = None if mode is None else mode_posture(mechanism, mode, working=working)
     if start is not None and at is not None and not isinstance(at, Mapping):
         raise ClosureError("give either a posture (at=) or a mode to start from, not both")
     values = tuple(_axis(name, v) for name, v in zip(names, over.values(), strict=True))
@@ -137,14 +140,7 @@ def grid_of(
     for name, axis in zip(names, values, strict=True):
         _check_limits(chart, name, axis)
     inputs = chart.start[mechanism.input_q]
-    return Grid(names, values, inputs, chart.start, chart, "" if mode is None else mode)
-
-
-def _posture(mechanism: Mechanism, mode: str) -> np.ndarray:
-    postures = mechanism.postures
-    if mode not in postures:
-        raise ClosureError(known_names(str(mode), "mode", tuple(postures)))
-    return np.array(postures[mode])
+    return Grid(names, values, inputs, chart.start, chart, "" if mode is None else str(mode))
 
 
 def _axis(name: str, values: ArrayLike) -> np.ndarray:

@@ -27,7 +27,7 @@ def singularity_map(
     over: Mapping[str, ArrayLike],
     at: Mapping[str, float] | ArrayLike | None = None,
     *,
-    mode: str | None = None,
+    mode: str | int | None = None,
     outputs: str | Sequence[str] | None = None,
     progress: bool | Progress = True,
     keep_q: bool = False,
@@ -48,7 +48,7 @@ def singularity_map(
     at : mapping of coordinate to value, or (nq,) array, optional
         Values of coordinates that are held, or a posture whose branch is followed; home by
         default.
-    mode : str, optional
+    mode : str or int, optional
         Name of a posture of the description, see ``Mechanism.postures``, to start from.
     outputs : str, optional
         Outputs of the task; those of the description by default.

@@ -12,7 +12,7 @@ from closedchain.analysis.singularity.sets.lattice import Lattice
 SHARES = (0.31, 0.54, 0.79)
 """Where, between two values of the lattice, the planes lie: each axis has its own share, so that
 the sets of symmetric mechanisms do not run along edges and corners."""
-MARGINS = (1e-4, 2e-4, 3.3e-4)  # cells: from the ends of a range to the outermost planes
+MARGINS = (1e-3, 2e-3, 3.3e-3)  # cells: from the ends of a range to the outermost planes
 
 Edge = tuple[int, int, int, int]
 """Lower corner, and axis along which it runs."""

@@ -27,7 +27,7 @@ def singularity_set(
     over: Mapping[str, ArrayLike],
     at: Mapping[str, float] | ArrayLike | None = None,
     *,
-    mode: str | None = None,
+    mode: str | int | None = None,
     outputs: str | Sequence[str] | None = None,
     check: bool | None = None,
     cusps: bool = False,
@@ -48,8 +48,8 @@ def singularity_set(
         the branch; what lies between grid lines altogether can be missed.
     at : mapping of coordinate to value, or (nq,) array, optional
         Held coordinates, or a posture whose branch is followed; home by default.
-    mode : str, optional
-        Named posture of the mechanism to start from.
+    mode : str or int, optional
+        Named posture of the mechanism, or mode by name or number, to start from.
     outputs : str, optional
         Outputs of the task; those of the description by default.
     check : bool, optional
@@ -113,6 +113,18 @@ def set_of(
     check: bool = False,
 ) -> SingularitySet:
     """Singular set of a kind on a lattice; ``check`` it against a grid twice as fine."""
+    found = _sought(lattice, kind, outputs, progress, check=check)
+    return replace(found, grid=lattice.ok.shape)
+
+
+def _sought(
+    lattice: Lattice,
+    kind: str,
+    outputs: tuple[str, ...],
+    progress: Progress | None,
+    *,
+    check: bool,
+) -> SingularitySet:
     if kind == "combined":
         one, two = (set_of(lattice, k, outputs, progress, check=check) for k in BOTH)
         branch = [lattice, finer(lattice, progress)] if check else [lattice]

@@ -22,6 +22,15 @@ class Fit:
         Triangles that were left out, since no splitting helped.
     holes : int
         Places where a sheet could not be followed round a cube of the grid.
+
+    Examples
+    --------
+    >>> m = cc.load("linear_delta")
+    >>> axis = np.linspace(-0.35, 0.35, 5)
+    >>> over = {"x": axis, "y": axis, "z": np.linspace(-0.65, -0.45, 3)}
+    >>> found = cc.singularity_set(m, "inverse", over)
+    >>> found.dimension, found.fit.largest <= found.fit.tolerance
+    (2, True)
     """
 
     tolerance: float

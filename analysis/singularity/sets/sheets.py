@@ -28,7 +28,7 @@ from closedchain.closure.solve.solution_set import tangents
 from closedchain.closure.solve.square_systems import solutions
 
 ASTRAY = 0.35  # of a step: farther from where it was expected, a point may be another sheet's
-SAME = 1e-6  # dimensionless: points of one edge that are one
+SAME = 1e-5  # dimensionless: points of one edge that are one
 ALIKE = 0.8  # cosine between normals of neighbours on one sheet
 OTHERS = np.array([[1, 2], [0, 2], [0, 1]])  # axes beside one
 FARTHEST = 1e6  # m or rad: no unknown is larger

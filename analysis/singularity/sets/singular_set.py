@@ -80,6 +80,8 @@ class SingularitySet:
     note : str
     fit : Fit or None
         How well the triangles of a surface lie on it; None where there are none.
+    grid : tuple of int
+        Cells along each axis of the grid from which the set was sought.
     cusps, cusps_q : (n, k) and (n, nq) arrays
         Coordinates [m or rad] and postures where a curve of folds turns back and three postures
         meet; empty where they were not asked for, and for other kinds.
@@ -116,6 +118,7 @@ class SingularitySet:
     missed: int | None
     note: str
     fit: Fit | None = None
+    grid: tuple[int, ...] = ()
     cusps: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
     cusps_q: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
 

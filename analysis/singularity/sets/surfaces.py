@@ -22,6 +22,7 @@ from closedchain.analysis.singularity.sets.touching import touching
 from closedchain.analysis.singularity.sets.tracked import Tracker
 from closedchain.analysis.singularity.sets.triangles import meshed
 
+TOUCHED = "where a determinant only touches zero, middles of triangles are not checked"
 FIRST = 16
 """Places from which sheets are followed before it is asked which others these explain."""
 NEAREST = 4  # vertices whose tangent planes may explain why the set passes between two cells
@@ -57,8 +58,10 @@ def surface_set(
     pieces = []
     if len(mesh.triangles):
         pieces.append(Piece(mesh.points, mesh.on_branch, triangles=mesh.triangles))
-    if kind in lattice.det:
-        pieces += touching(system, lattice, kind)[0]
+    note = mesh.fit.text if pieces else ""
+    if kind in lattice.det and (beside := touching(system, lattice, kind)[0]):
+        pieces += beside
+        note = "; ".join([note, TOUCHED] if note else [TOUCHED])
     found = collect(
         lattice.chart,
         kind,
@@ -68,7 +71,7 @@ def surface_set(
         verdict="surface" if pieces else "none found",
         dropped=dropped,
         missed=missed,
-        note=mesh.fit.text if len(mesh.triangles) else "",
+        note=note,
     )
     return replace(found, fit=mesh.fit) if len(mesh.triangles) else found
 

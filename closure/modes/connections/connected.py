@@ -37,6 +37,14 @@ class Searched:
         Whether joints were kept within their limits.
     cut_short : bool
         Whether there were more postures than are kept.
+
+    Examples
+    --------
+    >>> m = cc.load("three_rpr")
+    >>> modes = cc.postures(m, inputs=m.input_values(m.home), count=False)
+    >>> looked = modes.connections("q2 q3", resolution=30).searched
+    >>> list(looked.over), list(looked.held), looked.cut_short
+    (['q2', 'q3'], ['q1'], False)
     """
 
     over: Mapping[str, tuple[float, float]]
@@ -81,6 +89,16 @@ class Connections:
     unconfirmed : tuple of (str, str)
         Pairs that the grid joins, by ways that did not hold when they were followed again.
     searched : Searched
+
+    Examples
+    --------
+    >>> m = cc.load("three_rpr")
+    >>> modes = cc.postures(m, inputs=m.input_values(m.home), count=False)
+    >>> found = modes.connections({"q2": (2.0, 32.0), "q3": (2.0, 32.0)}, resolution=30)
+    >>> [len(group) for group in found.groups]  # two aspects, three modes in each
+    [3, 3]
+    >>> {found.signs[name] for name in found.groups[0]}
+    {1}
     """
 
     groups: tuple[tuple[str, ...], ...]

@@ -61,6 +61,16 @@ class Meeting:
         Whether the branch ends there; else it goes on with the other sign of the determinant.
     sigma : float
         Zero but for rounding, see ``Passage.sigma``.
+
+    Examples
+    --------
+    >>> m = cc.load("five_bar")
+    >>> modes = cc.postures(m, inputs=m.input_values(m.home), count=False)
+    >>> (meeting,) = modes.connections("q1 q2", resolution=20).meetings
+    >>> meeting.modes
+    ('home', '+1')
+    >>> cc.classify(m, meeting.q).kinds
+    frozenset({'direct'})
     """
 
     modes: tuple[str, ...]

@@ -51,6 +51,18 @@ class Passage:
         ``sigma_inverse`` where the tip is.
     residual : float
         Largest row of all samples [m or rad].
+
+    Examples
+    --------
+    >>> m = cc.load("three_rpr")
+    >>> modes = cc.postures(m, inputs=m.input_values(m.home), count=False)
+    >>> found = modes.connections({"q2": (2.0, 32.0), "q3": (2.0, 32.0)}, resolution=30)
+    >>> way = found.passages[0]
+    >>> legs = np.array([m.input_values(q) for q in way.q])
+    >>> cc.track(m, legs, start=way.q[0]).complete
+    True
+    >>> len(set(np.sign(way.determinant))), bool(way.sigma.min() > 0.0)
+    (1, True)
     """
 
     modes: tuple[str, str]
@@ -197,9 +209,10 @@ class Passages:
         c = self.covering
         begin, end = posts[:-1], posts[1:]
         side = np.argmax(c.beside[begin] == end[:, None], axis=1)
-        steps = c.window.onward(c.point[begin], side) - c.window.values(c.point[begin])
-        first = c.window.at[None]
-        return np.concatenate([first, first + np.cumsum(steps, axis=0)])
+        values = c.window.values(c.point[posts])
+        turns = np.round((c.window.onward(c.point[begin], side) - values[1:]) / TURN)
+        values[1:] += TURN * np.cumsum(turns, axis=0)
+        return values
 
     def _straightened(self, posts: np.ndarray, values: np.ndarray) -> np.ndarray:
         """Indices of posts between which straight ways lead, the farthest ones."""
@@ -268,7 +281,7 @@ class Passages:
         for begin, end in pairwise(corners):
             count = max(2, int(np.ceil(FINE * np.abs((end - begin) / cells).max())))
             shares = np.arange(1, count + 1)[:, None] / count
-            found.append(begin + shares * (end - begin))
+            found.append((1.0 - shares) * begin + shares * end)
         return np.concatenate(found)
 
     def _turned(self, q: np.ndarray) -> np.ndarray:
