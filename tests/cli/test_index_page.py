@@ -41,7 +41,7 @@ def test_words_and_names_stay_text(tmp_path: Path) -> None:
     figure, page = tmp_path / "map.png", tmp_path / "a & b.html"
     figure.write_bytes(b"")
     page.write_text("")
-    (tmp_path / "map.txt").write_text(f"Two curves\nthat {evil}")
+    (tmp_path / "map.alt.txt").write_text(f"Two curves\nthat {evil}")
     index = write_index(evil, {"1": figure, "2": page}, [evil, ""], [{evil: 0.1234567, "b": evil}])
     text = index.read_text()
     assert "<script" not in text
