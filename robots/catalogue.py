@@ -12,7 +12,7 @@ from closedchain.closure import Mechanism, mechanism_from_description
 from closedchain.closure.files import load_file
 from closedchain.closure.loading import refuse_open
 from closedchain.robots.classics import CLASSICS
-from closedchain.robots.delia import CHOICES as DELIA_LEGS
+from closedchain.robots.delia_choices import CHOICES as DELIA_LEGS
 from closedchain.robots.entry import Overrides, Robot
 from closedchain.robots.examples import PREFIX, example_file
 from closedchain.urdf import load_description

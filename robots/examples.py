@@ -6,7 +6,6 @@ others are trees, to be taken as they are or closed with constraints of one's ow
 
 from __future__ import annotations
 
-from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 
 from closedchain.urdf.errors import DescriptionError, known_names
@@ -23,6 +22,8 @@ def example_files() -> dict[str, Path]:
     DescriptionError
         The package is not installed.
     """
+    from importlib.metadata import PackageNotFoundError, distribution  # takes 10 ms
+
     try:
         files = distribution(_PACKAGE).files or ()
     except PackageNotFoundError:

@@ -15,8 +15,6 @@ from closedchain.urdf.description import Description, ParameterValue
 from closedchain.urdf.errors import DescriptionError
 from closedchain.urdf.expansion import read_source
 from closedchain.urdf.formats import robot_yaml
-from closedchain.urdf.formats.mjcf import reading as mjcf
-from closedchain.urdf.formats.sdf import reading as sdf
 from closedchain.urdf.reader import load_description, read
 
 _NONE: Mapping[str, ParameterValue] = MappingProxyType({})
@@ -58,9 +56,13 @@ def describe_file(
         return found if file is None else _with_hint(found, Path(file))
     if root == "mujoco":
         _refuse_parameters(parameters, "MJCF")
+        from closedchain.urdf.formats.mjcf import reading as mjcf  # loading stays quick
+
         return replace(mjcf.read(text, file), printed=text)
     if root == "sdf":
         _refuse_parameters(parameters, "SDF")
+        from closedchain.urdf.formats.sdf import reading as sdf
+
         return replace(sdf.read(text), printed=text)
     raise DescriptionError(f"the root element is <{root}>; known: {_KNOWN}", line=1, element=root)
 

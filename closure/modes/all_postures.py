@@ -300,8 +300,8 @@ def _result(
             complete, complex_count = "counted", len(whole.q) + whole.lost
             if not whole.traced:
                 notes.append(
-                    "The trace test would take too many points: the number was checked by loops "
-                    "and random starts at several places alone."
+                    "The trace test could not be had: the number was checked by loops and random "
+                    "starts at several places alone."
                 )
         else:
             notes.append(_why_not(whole, agree=agree))

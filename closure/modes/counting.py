@@ -23,7 +23,7 @@ from closedchain.closure.modes.shapes import Shapes, groups
 from closedchain.closure.solve.problem import Problem
 from closedchain.closure.tape import cache
 
-FORMAT = "generic solutions 3"
+FORMAT = "generic solutions 4"
 TOGETHER = 512  # paths that are followed together
 
 

@@ -41,6 +41,7 @@ DETOURS = 3
 MOST = 2000  # solutions
 POINTS = (200, 4)  # of a slice at most: so many, and so many for each solution
 TRIALS = 6  # of the trace test, each with more loops
+ASTRAY = 2  # trials in which points could not be followed
 S, NEXT = 1.0, 0.4 + 0.3j  # s at first, and its steps
 BENT = 1e-6
 """Share of their bends, added without signs, that the sum over all points may bend."""
@@ -55,12 +56,12 @@ class Generic:
     place : Place
     q : (n, nq) complex array
     points : int
-        Of the slice whose trace is straight; 0 where there are too many for it, or it never was.
+        Of the slice whose trace is straight; 0 where it cannot be had, or never was.
     hits : int
         Solutions from random starts at the last place, all of them known.
     known : bool
         Whether the trace is straight, and starts at another place have led to nothing else; or,
-        where slices have too many points, whether several places have shown nothing new.
+        where the trace cannot be had, whether several places have shown nothing new.
     """
 
     place: Place
@@ -126,7 +127,7 @@ def _traced(
 ) -> tuple[np.ndarray, int | None]:
     """All solutions at a place that a slice through them has, and its points if all are there.
 
-    None where they are too many.
+    None where they are too many, or some cannot be followed, as next to infinity.
     """
     slices = Slices(block, place, q)
 
@@ -138,7 +139,7 @@ def _traced(
     here = slices.at(start, S)
     moved = track(slices, start, here, begin)
     points = moved.q[moved.good]
-    most = POINTS[0] + POINTS[1] * len(q)
+    most, astray = POINTS[0] + POINTS[1] * len(q), 0
     for _ in range(TRIALS):
         tell(len(q))
         if not len(points):
@@ -148,9 +149,11 @@ def _traced(
             for wide in np.resize(WIDE_SLICES, LOOPS_OF_SLICES)
         ]
         points = closed_under(slices, telling, ways, points, most, lambda _: tell(len(q)))
-        if len(points) > most:
+        goes = straight(slices, here, points)
+        astray += goes is None
+        if len(points) > most or astray == ASTRAY:
             return q, None
-        if not straight(slices, here, points):
+        if not goes:
             continue
         back = track(slices, here, start, points)
         home = back.q[back.good]
@@ -160,8 +163,11 @@ def _traced(
     return q, 0
 
 
-def straight(slices: Slices, here: Place, points: np.ndarray) -> bool:
-    """Whether the sums of z and of y over points go straight as the slice moves."""
+def straight(slices: Slices, here: Place, points: np.ndarray) -> bool | None:
+    """Whether the sums of z and of y over points go straight as the slice moves.
+
+    None where not all points could be followed.
+    """
     found = []
     place, q = here, points
     for k in range(3):
@@ -169,7 +175,7 @@ def straight(slices: Slices, here: Place, points: np.ndarray) -> bool:
             there = slices.at(place, S + k * NEXT)
             end = track(slices, place, there, q)
             if not end.good.all():
-                return False
+                return None
             place, q = there, end.q
         found.append(np.stack([q[:, -1], slices.y(place, q)]))
     bends = found[0] - 2.0 * found[1] + found[2]

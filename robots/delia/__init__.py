@@ -5,7 +5,9 @@ Coupler and platform are held by the same planes in all members, so that their p
 of another member read in these poses.
 """
 
-from .legs import CHOICES, DRIVEN, FREEDOMS, LegSolution, Sizes, joint_values
+from closedchain.robots.delia_choices import CHOICES, FREEDOMS
+
+from .legs import DRIVEN, LegSolution, Sizes, joint_values
 from .member import JointValues, Member
 
 __all__ = [

@@ -9,8 +9,9 @@ from types import MappingProxyType
 import numpy as np
 
 from closedchain.robots.d1.geometry import NORMAL, RADIAL, FloatArray, Geometry, Pose
+from closedchain.robots.delia_choices import CHOICES
 
-from .legs import CHOICES, DRIVEN, Sizes, joint_values
+from .legs import DRIVEN, Sizes, joint_values
 
 _FEET: FloatArray = np.stack(
     [RADIAL, np.tile(NORMAL, (3, 1)), np.cross(RADIAL, NORMAL)], axis=-1

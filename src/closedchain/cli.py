@@ -244,6 +244,8 @@ def view(
         remark(note)
     if html is None:
         _refuse_taken(port)
+    else:
+        html.touch()  # what cannot be written is refused before the search
     q = _posture(mechanism, values, mode)
     modes = {} if no_modes else searched_modes(mechanism, q)
     page = static_page(mechanism, q, up=upwards, controls=Controls(modes=modes))

@@ -344,7 +344,7 @@ def test_a_robot_without_redundancy_or_without_task(tmp_path: Path) -> None:
     x, y, z = m.pose(m.home).translation
     file.write_text(f"{HEADER}\n0,{x},{y},{z}\n1,{x},{y},{z - 0.02}\n")
     common = ("--task", str(file), "--out", str(tmp_path))
-    assert "leave no freedom for the objective" in good("linear_delta", *common)
+    assert "leave no freedom for the objective" in " ".join(good("linear_delta", *common).split())
     bare = tmp_path / "bare.urdf"
     text = m.description.text
     bare.write_text(re.sub(r"<task\b.*?(/>|</task>)", "", text, flags=re.S))

@@ -17,13 +17,15 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "analysis"))
 
 from linkages import J, four_bar, load
 
+DRAWN = [name for name in cc.robots() if name != "wren"]
+"""Those with hinges or slides, whose values are drawn at random."""
 PUSH = np.array([3.0, -2.0, 5.0, 0.4, -0.3, 0.2])
 
 
 def mechanisms() -> dict[str, cc.Mechanism]:
     chain = [J("A", "base", "a", axis="0 1 0"), J("B", "a", "b", "0 0 -1", axis="1 0 0")]
     return {
-        **{name: cc.load(name) for name in (*cc.robots(), "delia")},
+        **{name: cc.load(name) for name in (*DRAWN, "delia")},
         "four_bar": weighed(four_bar({"q1": "A", "q2": "D"})),
         "chain": weighed(load("chain", chain, inputs={"q": "A"}, tip="b")),
     }

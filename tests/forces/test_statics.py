@@ -18,6 +18,8 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "analysis"))
 
 from linkages import Cut, J, Tie, four_bar, load, spinning_rod
 
+DRAWN = [name for name in cc.robots() if name != "wren"]
+"""Those with hinges or slides, whose values are drawn at random."""
 FALL = np.array([0.0, 0.0, -9.81])
 PUSH = np.array([3.0, -2.0, 5.0, 0.4, -0.3, 0.2])
 
@@ -76,7 +78,7 @@ def test_virtual_work_of_every_closed_motion(robot: cc.Mechanism) -> None:
         assert abs(s.inputs[i] - slope) < 1e-6 * max(1.0, abs(slope))
 
 
-@pytest.mark.parametrize("name", [*cc.robots(), "delia"])
+@pytest.mark.parametrize("name", [*DRAWN, "delia"])
 def test_both_ways_agree_wherever_the_branch_leads(name: str) -> None:
     """Free bodies and virtual work at random postures, as a share of the largest wrench."""
     m = cc.load(name)

@@ -83,8 +83,8 @@ def _kinds(m: cc.Mechanism) -> None:
 
 def _page(m: cc.Mechanism) -> None:
     page = static_page(m)
-    assert page.count("<script") == 2
-    assert page.count("</script>") == 2
+    assert page.count("<script") == 4
+    assert page.count("</script>") == 4
 
 
 def _forward(m: cc.Mechanism) -> None:
