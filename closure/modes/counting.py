@@ -24,6 +24,7 @@ from closedchain.closure.solve.problem import Problem
 from closedchain.closure.tape import cache
 
 FORMAT = "generic solutions 4"
+DETOURS = 3  # other ways for paths that were lost
 TOGETHER = 512  # paths that are followed together
 
 
@@ -99,13 +100,15 @@ def _followed(
 ) -> _Followed:
     """Solutions of a block for each solution (n, nq) of those before.
 
-    Where paths fail, or end in the same solution, all are followed once more by another way: what
-    is at infinity on one may be near enough on the other.
+    Where paths fail, or end in the same solution, all are followed again by other ways: what is at
+    infinity on one may be near enough on another. Only what is lost is worth more than one of them.
     """
     rng = np.random.default_rng(1)
     wanted = len(q) * len(generic.q)
     best = _route(block, shapes, [generic.place], generic.q, targets, q)
-    if len(best.q) < wanted:
+    for detour in range(DETOURS):
+        if len(best.q) == wanted or (detour and not best.lost):
+            break
         around = [generic.place, random_place(block.equations.problem, rng)]
         other = _route(block, shapes, around, generic.q, targets, q)
         found = merged(shapes.of, best.q, other.q)
