@@ -24,19 +24,37 @@ MOST = 2**28  # bytes of a message
 PATIENCE = 60.0  # s
 
 
+def command(profile: Path, *words: str) -> list[str]:
+    """Command that starts a headless Chromium; skips the test where none is installed."""
+    if CHROMIUM is None:
+        pytest.skip("no chromium, chromium-browser or google-chrome is installed")
+    return [
+        *(CHROMIUM, "--headless=new", "--no-sandbox", "--disable-gpu", "--no-first-run"),
+        *("--disable-background-networking", "--hide-scrollbars", f"--user-data-dir={profile}"),
+        *words,
+    ]
+
+
+def printed(page: Path, *options: str, mark: str = "") -> str:
+    """What a headless Chromium prints for a page, which it has had for five seconds of its own."""
+    fixed = ("--window-size=800,600", "--virtual-time-budget=5000")
+    done = subprocess.run(
+        command(page.parent / "profile", *fixed, *options, page.as_uri() + mark),
+        check=True,
+        timeout=120,
+        capture_output=True,
+        text=True,
+    )
+    return done.stdout
+
+
 class Browser:
     """One window of a headless Chromium."""
 
     def __init__(self, folder: Path) -> None:
-        if CHROMIUM is None:
-            pytest.skip("no chromium, chromium-browser or google-chrome is installed")
         profile = folder / "profile"
         self.process = subprocess.Popen(
-            [
-                *(CHROMIUM, "--headless=new", "--no-sandbox", "--disable-gpu", "--no-first-run"),
-                *("--disable-background-networking", "--hide-scrollbars", "--mute-audio"),
-                *(f"--user-data-dir={profile}", "--remote-debugging-port=0", "about:blank"),
-            ],
+            command(profile, "--mute-audio", "--remote-debugging-port=0", "about:blank"),
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
         )

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import nbformat
 import pytest
-from nbclient import NotebookClient
+from kernels import run
 
 NOTEBOOKS = Path(__file__).resolve().parents[1] / "notebooks"
 PATHS = {path.name: path for path in sorted(NOTEBOOKS.glob("*.ipynb"))}
@@ -92,8 +92,7 @@ def test_runs_from_a_clean_kernel(
     stored = [len(cell) for cell in pictures_of(notebook)]
     work = tmp_path / "work"
     work.mkdir()
-    resources = {"metadata": {"path": str(work)}}
-    NotebookClient(notebook, timeout=180, resources=resources).execute()
+    run(notebook, work)
     outputs = outputs_of(notebook)
     warned = [output.text for output in outputs if output.get("name") == "stderr"]
     assert warned == []

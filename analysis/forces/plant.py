@@ -2,8 +2,8 @@
 
 M a + h = S^T tau + K^T lambda with K a = -Kdot v. With Z a basis of ker K and a_p a solution of
 K a = -Kdot v: Z^T M Z y = Z^T (S^T tau - h - M a_p), a = a_p + Z y. Pinocchio gives M and h,
-machine code the rest; where its pivots are small, LAPACK does it by the generic rank of K, so that
-redundant rows do no harm.
+machine code the rest. Where its pivots are small, or where no posture was found at which the two
+could be compared, LAPACK does it by the generic rank of K, so that redundant rows do no harm.
 """
 
 from __future__ import annotations
@@ -30,8 +30,7 @@ from closedchain.analysis.forces.loads import (
     loads,
     needed_efforts,
 )
-from closedchain.closure.constraints import constraint_jacobian
-from closedchain.closure.generic import sampled_rank
+from closedchain.closure.generic import dimensionless_jacobian, sampled_rank
 from closedchain.closure.mechanism import Mechanism
 from closedchain.closure.solve.control import CLOSED
 from closedchain.closure.solve.problem import problem_of
@@ -154,6 +153,8 @@ class Plant:
             A motion without inertia, or a posture at which the closures lose rank.
         """
         effort = self.driving(tau) - self.bias(q, v)
+        if not self._trusted:
+            return self._by_lapack(q, v, self.mass(q), effort)
         pin.crba(self.model, self._data, q)
         ask = self._asked
         least, spread, smallest = ask(q, v, self._entries(), effort)[:FACTS]
@@ -247,6 +248,8 @@ class Plant:
 
     def fit(self, q: np.ndarray, v: np.ndarray) -> Fit:
         """How far a state is from the loops, and the least changes that close them."""
+        if not self._trusted:
+            return self._fit_by_lapack(q, v)
         ask, nv = self._fitting, self.mechanism.model.nv
         least, gap, side = ask(q, v)[:FACTS].tolist()
         if not abs(least) > PIVOT:
@@ -274,12 +277,15 @@ class Plant:
 
     @cached_property
     def _code(self) -> ClosedMotions:
-        found = closed_motions(self.mechanism)
-        verified = self.mechanism.known.setdefault("forces.closed_motions.verified", set())
-        if "accelerations" not in verified:
-            _verify(found)
-            verified.add("accelerations")
-        return found
+        return closed_motions(self.mechanism)
+
+    @cached_property
+    def _trusted(self) -> bool:
+        """Whether machine code was compared with LAPACK; once for each mechanism."""
+        known, name = self.mechanism.known, "forces.closed_motions.agree"
+        if name not in known:
+            known[name] = _agree(self._code)
+        return bool(known[name])
 
     @cached_property
     def _data(self) -> pin.Data:
@@ -342,18 +348,24 @@ def _is_plain(mechanism: Mechanism, q: np.ndarray) -> bool:
     Where a rank promises more motions than the closed postures have, rows depend on each other but
     for the error of the posture, and accelerations are as uncertain.
     """
-    s = np.linalg.svd(constraint_jacobian(mechanism, q), compute_uv=False)
+    s = np.linalg.svd(dimensionless_jacobian(mechanism, q), compute_uv=False)
     return not bool(((s > ZERO * s.max(initial=0.0)) & (s < SINGULAR * s.max(initial=0.0))).any())
 
 
-def _verify(code: ClosedMotions) -> None:
-    """Compare with LAPACK at two postures, all bodies with unit inertia. Raises ``TapeError``."""
+def _agree(code: ClosedMotions) -> bool:
+    """Compare with LAPACK at two postures, all bodies with unit inertia; whether that could be.
+
+    Raises
+    ------
+    TapeError
+        They differ.
+    """
     m = code.mechanism
     model = m.model.copy()
     for i in range(1, model.njoints):
         model.inertias[i] = pin.Inertia(1.0, np.full(3, 0.1 * m.length), m.length**2 * np.eye(3))
     plant = Plant(m, Loads(np.zeros(3), {}, model))
-    rng = np.random.default_rng(0)
+    rng, compared = np.random.default_rng(0), False
     for q in problem_of(m).regular[-POSTURES:]:
         if not _is_plain(m, q):
             continue
@@ -371,3 +383,5 @@ def _verify(code: ClosedMotions) -> None:
         agree(f"accelerations of {m.name!r}", found[FACTS:] / scale / size, expected / size)
         velocities = seen[FACTS + model.nv : FACTS + 2 * model.nv]
         agree(f"closed motions of {m.name!r}", velocities / scale, by_lapack.v / scale)
+        compared = True
+    return compared

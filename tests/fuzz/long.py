@@ -66,7 +66,7 @@ def _guided(kinds: list[Any], seconds: int) -> int:
     def one(data: bytes) -> None:
         try:
             entries[bool(data[:1] > b"\xe0")](data[1:])
-        except Exception:
+        except Exception:  # whatever it is: the description is kept, and the run fails
             _keep()
             raise
 
@@ -92,7 +92,7 @@ def _drawn(kinds: list[Any], seconds: int) -> int:
         for kind in kinds:
             try:
                 many(given(mutated())(kind.hypothesis.inner_test))()
-            except Exception:
+            except Exception:  # whatever it is: told, its description kept, and the run fails
                 traceback.print_exc()
                 _keep()
                 return 1

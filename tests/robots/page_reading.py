@@ -6,14 +6,12 @@ import hashlib
 import json
 import re
 import struct
-import subprocess
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pytest
 import umsgpack
-from browser import CHROMIUM
+from browser import printed
 
 SLIDER = """<robot name="slider">
   <link name="base"/><link name="carriage"/><link name="arm"/><link name="end"/>
@@ -103,20 +101,5 @@ def with_probe(page: str, probe: str) -> str:
 
 def browse(page: str, folder: Path, *options: str, mark: str = "") -> str:
     """What headless Chromium prints for a page."""
-    if CHROMIUM is None:
-        pytest.skip("no chromium, chromium-browser or google-chrome is installed")
     (folder / "page.html").write_text(page)
-    done = subprocess.run(
-        [
-            *(CHROMIUM, "--headless=new", "--no-sandbox", "--disable-gpu", "--no-first-run"),
-            *("--disable-background-networking", f"--user-data-dir={folder / 'profile'}"),
-            *("--hide-scrollbars", "--window-size=800,600", "--virtual-time-budget=5000"),
-            *options,
-            (folder / "page.html").as_uri() + mark,
-        ],
-        check=True,
-        timeout=120,
-        capture_output=True,
-        text=True,
-    )
-    return done.stdout
+    return printed(folder / "page.html", *options, mark=mark)

@@ -10,7 +10,7 @@ import nbformat
 import numpy as np
 import pytest
 from browser import Browser
-from nbclient import NotebookClient
+from kernels import run
 from page_reading import drawn, scripts
 
 import closedchain as cc
@@ -31,7 +31,7 @@ def test_a_notebook_holds_the_whole_page(tmp_path: Path) -> None:
     """As a notebook runs it, and as a browser then shows what the notebook has kept."""
     cells = ['import closedchain as cc\nm = cc.load("linear_delta")', "m.show()"]
     notebook = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(one) for one in cells])
-    NotebookClient(notebook, timeout=180, resources={"metadata": {"path": str(tmp_path)}}).execute()
+    run(notebook, tmp_path)
     (output,) = notebook.cells[1].outputs
     frame = output["data"]["text/html"]
     assert len(frame) < 600_000

@@ -38,7 +38,7 @@ def test_without_the_package_the_extra_is_named(monkeypatch: pytest.MonkeyPatch)
     def missing(name: str) -> None:
         raise PackageNotFoundError(name)
 
-    monkeypatch.setattr(examples, "distribution", missing)
+    monkeypatch.setattr("importlib.metadata.distribution", missing)
     with pytest.raises(cc.DescriptionError, match=r"pip install 'closedchain\[examples\]'"):
         cc.load("example:panda")
 
