@@ -56,6 +56,11 @@ class Counted:
     lost: int
     singular: np.ndarray
 
+    @property
+    def settled(self) -> bool:
+        """Whether the count leaves nothing open."""
+        return self.known and not self.lost
+
 
 def counted(
     problem: Problem,
