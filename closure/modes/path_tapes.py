@@ -139,6 +139,8 @@ class PathTapes:
         at = [posture[i] for i in numbers.own.tolist()]
         size = self._size(g, posture, step)
         fine = (squared(after) * ROUNDING**-2.0 < share) & (size < HUGE)
+        if system.slow is None:  # such a step is refused
+            size, fine = fine.select(size, HUGE), size > -1.0
         return self._decided(lane, Seen(at, moved, size), fine, first + 4 * numbers.count)
 
     @cached_property

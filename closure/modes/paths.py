@@ -25,6 +25,7 @@ from closedchain.closure.modes.path_tapes import (
 )
 from closedchain.closure.modes.places import Place
 from closedchain.closure.modes.systems import System, sizes
+from closedchain.closure.tape.interpreter import outputs
 from closedchain.closure.tape.machine import Looped, looped
 
 FIRST = 0.02  # step along a path
@@ -55,10 +56,6 @@ class Paths:
     @cached_property
     def _steps(self) -> Looped:
         return looped(self._tapes.step_tape, self._tapes.states, single=False)
-
-    @cached_property
-    def _judging(self) -> Looped:
-        return looped(self._tapes.judge_tape, self._tapes.states, single=False)
 
     def track(self, one: Place, two: Place, q: np.ndarray) -> Arrived:
         """Follow paths from solutions (n, nq) at one place to another."""
@@ -118,9 +115,8 @@ class Paths:
         system, m = self.system, len(self.system.numbers.own)
         here = dict(zip(SCALARS, state[-len(SCALARS) :], strict=True))
         sloping = here["phase"] == SLOPE
-        tried = np.where(
-            sloping, here["share"] + SHIFT * here["step"], here["share"] + here["step"]
-        )
+        beside = np.maximum(SHIFT * here["step"], LEAST)
+        tried = here["share"] + np.where(sloping, beside, here["step"])
         tried = np.where(sloping | (tried < 1.0 - 1e-14), tried, 1.0)
         x, y = (joined(state[2 * m * k : 2 * m * (k + 1)]) for k in range(2))
         p, n = system.prescribed, system.numbers.count
@@ -131,12 +127,12 @@ class Paths:
         q = one.given.copy()
         q[:, system.numbers.own] = np.where(sloping, x, y).T
         q, targets = system.numbers.between(one, two, q, tried)
+        assert system.slow is not None, "paths of this system do not ask"
         moved, step = system.slow(q, targets)
         own = system.numbers.own
         told = [parted(q[:, own].T), parted(moved[:, own].T), sizes(system.relative, q, step)[None]]
-        state = np.ascontiguousarray(state)
-        self._judging.run(state, np.nan_to_num(np.concatenate(told), nan=np.inf), 1)
-        return state
+        numbers = np.nan_to_num(np.concatenate(told), nan=np.inf)
+        return outputs(self._tapes.judge_tape, np.concatenate([state, numbers]))[:-1]
 
 
 def _rows(numbers: np.ndarray, n: int) -> np.ndarray:

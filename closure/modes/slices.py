@@ -203,7 +203,7 @@ class Slices:
             pinned=(),
             poses=(),
         )
-        return System(numbers, first + 3 + len(weights) - (nq + 1), tape, relative, self._none)
+        return System(numbers, first + 3 + len(weights) - (nq + 1), tape, relative)
 
     def _rows(self, line: list[Expr]) -> tuple[list[Expr], list[dict[int, Expr]]]:
         """The block's rows, and what ties its moving joints to their lines."""
@@ -247,11 +247,6 @@ class Slices:
         turned = turned_quaternion(q, [g.constant(float(i == axis - 3)) for i in range(3)])
         seeds = {first + 3 + i: turned[i] - q[i] for i in range(4)}
         return forward(g, [y], seeds)[0]
-
-    def _none(self, q: np.ndarray, targets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """No step: paths take a shorter one then."""
-        nothing = np.full((len(q), len(self._unknown)), np.nan, dtype=complex)
-        return np.full_like(q, np.nan), nothing
 
     def _samples(self) -> np.ndarray:
         """Points of curves through known solutions and what they meet (inputs, n)."""

@@ -2,7 +2,7 @@
 
 Rows, Jacobian, sparse elimination and the posture after the step are one tape. Its order of pivots
 is chosen at random complex postures. Where a posture meets a small pivot all the same, what the
-step leaves of the linear equations tells, and LAPACK solves them instead.
+step leaves of the linear equations tells; LAPACK solves them instead, or paths go more slowly.
 """
 
 from __future__ import annotations
@@ -102,16 +102,16 @@ class System:
         equations have them.
     relative : mapping of int to (int, float)
         Components of the step that count relative to a number of the posture, in a unit.
-    slow : callable
+    slow : callable, optional
         The same step for postures (n, count) and targets (n, prescribed) by LAPACK: postures
-        (n, count) and steps (n, size).
+        (n, count) and steps (n, size). Without it, paths take shorter steps past small pivots.
     """
 
     numbers: Numbers
     prescribed: int
     tape: Tape
     relative: dict[int, tuple[int, float]]
-    slow: Slow
+    slow: Slow | None = None
 
     @property
     def size(self) -> int:

@@ -10,12 +10,13 @@ from conftest import Tolerances
 from small_linkages import GRASHOF, four_bar
 
 import closedchain as cc
-from closedchain.closure.modes import monodromy
+from closedchain.closure.modes import monodromy, path_tapes
 from closedchain.closure.modes.blocks import Block, blocks_of
 from closedchain.closure.modes.complex_equations import equations_of
 from closedchain.closure.modes.complex_tape import complex_tape
 from closedchain.closure.modes.loops import closed_under, merged
 from closedchain.closure.modes.monodromy import generic_solutions
+from closedchain.closure.modes.paths import Paths
 from closedchain.closure.modes.places import random_place
 from closedchain.closure.modes.random_solutions import random_solutions
 from closedchain.closure.modes.shapes import shapes_of
@@ -154,3 +155,34 @@ def test_paths_that_end_alike_are_not_two_solutions(
     found = cc.postures(m, inputs=[0.3])
     assert found.complete == "searched"
     assert len(found) == 2
+
+
+def test_paths_by_lapack_end_where_those_of_machine_code_do(
+    bar: cc.Mechanism, monkeypatch: pytest.MonkeyPatch, tol: Tolerances
+) -> None:
+    block, rng = block_of(bar), np.random.default_rng(0)
+    here, there = (random_place(block.equations.problem, rng) for _ in range(2))
+    q = random_solutions(block, here, rng, 1)
+    known = block.paths.track(here, there, q)
+    monkeypatch.setattr(path_tapes, "LEFT", 0.0)  # every step asks that leaves anything
+    monkeypatch.setattr(path_tapes, "ROUNDING", 1e-150)
+    asked, system = [], block.system
+
+    def slow(x: np.ndarray, targets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        asked.append(len(x))
+        return block.newton_by_lapack(x, targets)
+
+    again = Paths(dataclasses.replace(system, slow=slow)).track(here, there, q)
+    assert len(asked) > 10
+    assert known.good.all()
+    assert again.good.all()
+    assert np.abs(again.q - known.q).max() < tol.algebra
+
+
+def test_cosine_and_sine_of_complex_angles_are_those_of_numpy(tol: Tolerances) -> None:
+    g = Graph()
+    both = complex_tape(g.tape([g.input(0).cos(), g.input(0).sin()], 1))
+    rng = np.random.default_rng(0)
+    x = rng.uniform(-9.0, 9.0, 200) + 1j * rng.uniform(-20.0, 20.0, 200)
+    for found, known in zip(both.run(x[None]), (np.cos(x), np.sin(x)), strict=True):
+        assert (np.abs(found - known) < tol.algebra * np.abs(known)).all()
