@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from closedchain.analysis.motion.track.tracking import track
-from closedchain.closure.mechanism import LARGEST_NUMBER, Mechanism
+from closedchain.closure.given import LARGEST_NUMBER
+from closedchain.closure.mechanism import Mechanism
 from closedchain.closure.nearest import beyond_limits, limit_note
 from closedchain.closure.position import direct
 from closedchain.closure.solution import Solution
