@@ -28,13 +28,14 @@ from closedchain.closure.solve.control import (
     share,
 )
 from closedchain.closure.solve.problem import POSE, Problem, pose_of
+from closedchain.closure.tape.bodies import Entries
 from closedchain.closure.tape.elimination import (
     Elimination,
     relative_change,
     small_determinant,
 )
 from closedchain.closure.tape.expression import Expr, Graph, Tape
-from closedchain.closure.tape.rows import Entries, Rows, kinematics
+from closedchain.closure.tape.rows import Rows, kinematics
 from closedchain.closure.tape.vectors import quaternion
 
 

@@ -18,10 +18,11 @@ from closedchain.analysis.singularity.classify import row_combination
 from closedchain.closure.generic import GenericRanks, dimensionless_jacobian, generic_ranks
 from closedchain.closure.mechanism import Mechanism
 from closedchain.closure.solve.problem import Problem, problem_of
+from closedchain.closure.tape.bodies import Entries
 from closedchain.closure.tape.dense import determinant, gram_root
 from closedchain.closure.tape.elimination import Elimination, Sparse, eliminate, parity
 from closedchain.closure.tape.expression import Expr, Graph, total
-from closedchain.closure.tape.rows import Entries, Kinematics
+from closedchain.closure.tape.rows import Kinematics
 from closedchain.urdf.description import OUTPUTS
 
 
