@@ -17,7 +17,6 @@ from closedchain.closure.modes.blocks import Block, blocks_of
 from closedchain.closure.modes.complex_equations import equations_of
 from closedchain.closure.modes.loops import merged
 from closedchain.closure.modes.monodromy import Generic, generic_solutions
-from closedchain.closure.modes.paths import track
 from closedchain.closure.modes.places import Place, random_place
 from closedchain.closure.modes.shapes import Shapes, groups
 from closedchain.closure.solve.problem import Problem
@@ -134,7 +133,7 @@ def _route(
 ) -> _Followed:
     """Ends of the paths from solutions through places to the targets."""
     for one, two in pairwise(places):
-        arrived = track(block, one, two, starts)
+        arrived = block.paths.track(one, two, starts)
         starts = arrived.q[arrived.good]
     every = np.repeat(starts[None], len(q), axis=0).reshape(-1, q.shape[1])
     given = np.repeat(q, len(starts), axis=0)
@@ -142,7 +141,7 @@ def _route(
     for begin in range(0, len(every), TOGETHER):
         part = slice(begin, begin + TOGETHER)
         end = Place(targets.astype(complex), given[part])
-        arrived = track(block, places[-1], end, every[part])
+        arrived = block.paths.track(places[-1], end, every[part])
         found.append(arrived.q[arrived.good])
         ends.append(arrived.q[~arrived.good & ~arrived.infinite])
         infinite += int(arrived.infinite.sum())

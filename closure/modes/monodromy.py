@@ -25,7 +25,6 @@ import numpy as np
 
 from closedchain.closure.modes.blocks import Block
 from closedchain.closure.modes.loops import carried, closed_under, merged
-from closedchain.closure.modes.paths import track
 from closedchain.closure.modes.places import Place, random_place
 from closedchain.closure.modes.random_solutions import random_solutions
 from closedchain.closure.modes.shapes import Shapes
@@ -87,12 +86,12 @@ def generic_solutions(
         if not len(q) or len(q) > MOST:
             break
         before = len(q)
-        q = closed_under(block, shapes.of, _loops(block, place, rng), q, MOST, tell)
+        q = closed_under(block.paths, shapes.of, _loops(block, place, rng), q, MOST, tell)
         tell(len(q))
         if points is not None:
             q, points = _traced(block, shapes, place, q, rng, tell)
         ways = [random_place(problem, rng) for _ in range(DETOURS + 1)]
-        moved = carried(block, shapes.of, place, ways, q)
+        moved = carried(block.paths, shapes.of, place, ways, q)
         if len(moved) < len(q):
             quiet = 0
             continue
@@ -137,7 +136,7 @@ def _traced(
     start = slices.through(q[0], rng)
     begin = np.hstack([q, np.full((len(q), 1), start.given[-1])])
     here = slices.at(start, S)
-    moved = track(slices, start, here, begin)
+    moved = slices.paths.track(start, here, begin)
     points = moved.q[moved.good]
     most, astray = POINTS[0] + POINTS[1] * len(q), 0
     for _ in range(TRIALS):
@@ -148,14 +147,14 @@ def _traced(
             (here, *(slices.random(rng, wide) for _ in range(2)), here)
             for wide in np.resize(WIDE_SLICES, LOOPS_OF_SLICES)
         ]
-        points = closed_under(slices, telling, ways, points, most, lambda _: tell(len(q)))
+        points = closed_under(slices.paths, telling, ways, points, most, lambda _: tell(len(q)))
         goes = straight(slices, here, points)
         astray += goes is None
         if len(points) > most or astray == ASTRAY:
             return q, None
         if not goes:
             continue
-        back = track(slices, here, start, points)
+        back = slices.paths.track(here, start, points)
         home = back.q[back.good]
         home = home[np.abs(home[:, -1] - start.given[-1]) < 1e-6]
         every = merged(shapes.of, q, home[:, :-1])
@@ -173,7 +172,7 @@ def straight(slices: Slices, here: Place, points: np.ndarray) -> bool | None:
     for k in range(3):
         if k:
             there = slices.at(place, S + k * NEXT)
-            end = track(slices, place, there, q)
+            end = slices.paths.track(place, there, q)
             if not end.good.all():
                 return None
             place, q = there, end.q

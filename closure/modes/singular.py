@@ -21,6 +21,7 @@ from closedchain.closure.solve.double_roots import at_fold
 from closedchain.closure.solve.problem import Problem
 
 CLOSED = 1e-10  # m or rad
+OPEN = 1e-6  # m or rad: beside a double root rows are far smaller than that
 SAME = 1e-4  # dimensionless: shapes that differ by less are one, at a double root
 MOST = 12  # singular postures, or families
 
@@ -38,7 +39,10 @@ def with_singular(
         if len(alone) + len(families) >= MOST:
             break
         system, moved = system_at(problem, targets, start)
-        near = at_fold(system, descend(system, moved, evaluations=400))
+        descended = descend(system, moved, evaluations=400)
+        if descended.residual > OPEN:
+            continue
+        near = at_fold(system, descended)
         if near.residual > CLOSED or flipped_axes(m, near.q):
             continue
         q = unwound(m, near.q[None])
