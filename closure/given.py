@@ -26,6 +26,16 @@ def real_array(values: ArrayLike, what: str) -> np.ndarray:
         raise ClosureError(f"{what} must be numbers, got {values!r}") from None
 
 
+def finite_number(value: Any, what: str, unit: str) -> float:
+    """A finite real number, at most ``LARGEST_NUMBER`` in size. Raises ``ClosureError``."""
+    number = np.asarray(value)
+    if number.ndim or number.dtype.kind not in "iuf" or not abs(number) <= LARGEST_NUMBER:
+        raise ClosureError(
+            f"{what} must be a finite number [{unit}] of {LARGEST_NUMBER:g} at most, got {value!r}"
+        )
+    return float(number)
+
+
 def one_number(value: Any, what: str, *, least: float = 0.0, itself: bool = False) -> float:
     """A finite number above ``least``, or that number ``itself``. Raises ``ClosureError``."""
     found = real_array(value, what)

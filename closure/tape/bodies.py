@@ -224,21 +224,24 @@ class Bodies:
         return found
 
     def own(self, entries: Entries) -> Entries:
-        """A row of a Jacobian in Pinocchio's v: floating joints along the body's own axes."""
-        found = dict(entries)
-        model = self.mechanism.model
-        zero = self.graph.constant(0.0)
+        """A motion, or a row of a Jacobian, in Pinocchio's v: floating joints along own axes."""
+        return self._turned(entries, outside=False)
+
+    def outside(self, entries: Entries) -> Entries:
+        """The other way round: a motion in Pinocchio's v as one along the axes outside."""
+        return self._turned(entries, outside=True)
+
+    def _turned(self, entries: Entries, *, outside: bool) -> Entries:
+        found, model, zero = dict(entries), self.mechanism.model, self.graph.constant(0.0)
         for i in range(1, model.njoints):
             if model.nvs[i] != 6:
                 continue
-            turned = rotation(self.q[model.idx_qs[i] + 3 : model.idx_qs[i] + 7])
+            turn = rotation(self.q[model.idx_qs[i] + 3 : model.idx_qs[i] + 7])
             for first in (model.idx_vs[i], model.idx_vs[i] + 3):
                 old = [entries.get(first + k, zero) for k in range(3)]
-                for k, entry in enumerate(matvec(transposed(turned), old)):
-                    found.pop(first + k, None)
-                    if entry.value != 0.0:
-                        found[first + k] = entry
-        return found
+                new = matvec(turn if outside else transposed(turn), old)
+                found |= {first + k: self.graph.lift(x) for k, x in enumerate(new)}
+        return {v: x for v, x in found.items() if x.value != 0.0}
 
 
 def _turned(quaternion: Sequence[Expr], by: Sequence[Expr]) -> list[Expr]:

@@ -41,6 +41,13 @@ class Rows:
             self.values + other.values, self.entries + other.entries, self.units + other.units
         )
 
+    def largest(self, graph: Graph, which: Sequence[int] | None = None) -> Expr:
+        """Size of the largest row, or of the largest of some [m or rad]; 0 for none."""
+        found = graph.constant(0.0)
+        for r in range(len(self.values)) if which is None else which:
+            found = found.max(self.units[r] * abs(self.values[r]))
+        return found
+
 
 @dataclass(frozen=True, eq=False)
 class Kinematics(Bodies):
