@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from closedchain.closure.chart import joint_index, joint_names
+from closedchain.closure.given import finite_number
 from closedchain.closure.mechanism import Mechanism
 from closedchain.closure.position import driven, posed
 from closedchain.closure.solve.problem import Problem, problem_of
@@ -48,26 +50,39 @@ def question_of(
         said = ", ".join(f"{n} = {x:.6g}" for n, x in zip(mechanism.inputs, values, strict=True))
         return Question(driven(mechanism), np.array(values, dtype=float), said)
     if pose is not None:
-        if not isinstance(pose, pin.SE3):
-            raise ClosureError(f"pose must be a pin.SE3, got {pose!r}")
+        if not isinstance(pose, pin.SE3) or not np.isfinite(pose.homogeneous).all():
+            raise ClosureError(f"pose must be a pin.SE3 of finite numbers, got {pose!r}")
         problem = posed(mechanism, outputs)
         names = " ".join(mechanism.outputs(outputs))
         return Question(problem, pin.SE3ToXYZQUAT(pose), f"the tip's {names} held")
-    values_of = dict(fixed or {})
-    joints = {str(name): _joint(mechanism, str(name)) for name in values_of}
-    for name, value in values_of.items():
-        if not np.isfinite(float(value)):
-            raise ClosureError(f"the value of {name!r} must be a finite number, got {value!r}")
-    ordered = sorted(joints, key=lambda name: joints[name][1])
-    problem = problem_of(mechanism, [joints[name][1] for name in ordered])
-    said = ", ".join(f"{n} = {values_of[n]:.6g}" for n in ordered) or "nothing held"
-    return Question(problem, np.array([float(values_of[n]) for n in ordered]), said)
+    return _joints_held(mechanism, {str(name): value for name, value in (fixed or {}).items()})
 
 
-def _joint(mechanism: Mechanism, name: str) -> tuple[int, int]:
-    """Index in q and v of a joint that can be held."""
+def _joints_held(mechanism: Mechanism, values: Mapping[str, float]) -> Question:
+    """Problem and targets of joints that are held, or of nothing."""
+    joints = {name: _joint(mechanism, name) for name in values}
+    ordered = sorted(joints, key=lambda name: joints[name])
+    for one, other in pairwise(ordered):
+        if joints[one] == joints[other]:
+            raise ClosureError(f"{one} and {other} are the same joint")
+    numbers = [
+        finite_number(
+            values[name],
+            f"the value of {name!r}",
+            "m" if mechanism.translational[joints[name]] else "rad",
+        )
+        for name in ordered
+    ]
+    problem = problem_of(mechanism, [joints[name] for name in ordered])
+    told = zip(ordered, numbers, strict=True)
+    said = ", ".join(f"{name} = {x:.6g}" for name, x in told) or "nothing held"
+    return Question(problem, np.array(numbers), said)
+
+
+def _joint(mechanism: Mechanism, name: str) -> int:
+    """Tangent coordinate of a joint that can be held."""
     try:
-        return joint_index(mechanism, name)
+        return joint_index(mechanism, name)[1]
     except KeyError:
         known = tuple(joint_names(mechanism))
         raise ClosureError(known_names(name, "joint with one freedom", known)) from None

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from conftest import Tolerances
 from small_linkages import GRASHOF, ROCKING, build, four_bar, four_bar_angles, joint, loop
@@ -233,7 +234,10 @@ def test_refusals() -> None:
         ({"inputs": [0.1, 0.2]}, "3"),
         ({"fixed": {"nowhere": 0.1}}, "nowhere"),
         ({"fixed": {"leg1_P": math.nan}}, "finite"),
+        ({"fixed": {"leg1_P": "far"}}, r"finite number \[m\]"),
+        ({"fixed": {"leg1_P": -0.1, "q1": -0.1}}, "same joint"),
         ({"pose": "home"}, "pin.SE3"),
+        ({"pose": pin.SE3(np.eye(3), np.full(3, math.nan))}, "finite numbers"),
         ({"inputs": [0, 0, 0], "fixed": {}}, "hold one of"),
     ):
         with pytest.raises(ClosureError, match=why):
