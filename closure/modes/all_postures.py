@@ -109,7 +109,8 @@ def postures(
     found, in_time = searched_in_time(question, shapes, asked)
     if not in_time:
         notes.append("The time allowed was used up while searching.")
-    found, families = with_singular(question.problem, question.targets, found)
+    settled = whole is not None and whole.settled
+    found, families = with_singular(question.problem, question.targets, found, settled=settled)
     if count and in_time and not early:
         whole = counted_in_time(question, asked, notes)
     if whole is not None:
