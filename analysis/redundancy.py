@@ -16,7 +16,8 @@ from closedchain.analysis.singularity.deciding import Deciding
 from closedchain.analysis.structure.driving import driving
 from closedchain.analysis.structure.mobility import generic_rank
 from closedchain.analysis.velocity import velocity_at
-from closedchain.closure.mechanism import Mechanism, finite_vector
+from closedchain.closure.given import finite_vector
+from closedchain.closure.mechanism import Mechanism
 from closedchain.closure.ranks import Rank
 from closedchain.urdf.errors import ClosureError, known_names
 

@@ -6,10 +6,11 @@ if __name__ != "closedchain.closure":
 from closedchain.closure.closures import Closure, Coupling
 from closedchain.closure.constraints import constraint_drift, constraint_jacobian, residual
 from closedchain.closure.loading import load_urdf, mechanism_from_description
-from closedchain.closure.mechanism import Mechanism, TaskFrame
+from closedchain.closure.mechanism import Mechanism
 from closedchain.closure.nearest import close
 from closedchain.closure.ranks import Rank, numerical_rank
 from closedchain.closure.solution import Solution, Solutions
+from closedchain.closure.task_frame import TaskFrame
 
 __all__ = [
     "Closure",

@@ -9,8 +9,9 @@ import pinocchio as pin
 
 from closedchain.closure.closures import Closure, CoupledJoint, Coupling
 from closedchain.closure.length import characteristic_length
-from closedchain.closure.mechanism import Mechanism, TaskFrame
+from closedchain.closure.mechanism import Mechanism
 from closedchain.closure.named import Postures
+from closedchain.closure.task_frame import TaskFrame
 from closedchain.closure.tree import Tree, build_tree, se3, z_onto
 from closedchain.urdf.description import Coupling as MimicSpec
 from closedchain.urdf.description import Description, JointRelation, LoopClosure

@@ -1,14 +1,18 @@
-"""Checks of single numbers, tables of numbers and counts that a caller gives."""
+"""Checks of numbers that a caller gives: single ones, vectors, tables, ranges and counts."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from closedchain.urdf.errors import ClosureError
+from closedchain.urdf.errors import ClosureError, known_names
+
+FLOAT = np.dtype(float)
+LARGEST_NUMBER = 1e6  # metres or radians: beyond it rounding alone breaks the closure tolerance
+LARGEST_SQUARE = LARGEST_NUMBER**2
 
 
 def real_array(values: ArrayLike, what: str) -> np.ndarray:
@@ -20,6 +24,16 @@ def real_array(values: ArrayLike, what: str) -> np.ndarray:
         return np.array(raw, dtype=float)
     except (TypeError, ValueError):
         raise ClosureError(f"{what} must be numbers, got {values!r}") from None
+
+
+def finite_number(value: Any, what: str, unit: str) -> float:
+    """A finite real number, at most ``LARGEST_NUMBER`` in size. Raises ``ClosureError``."""
+    number = np.asarray(value)
+    if number.ndim or number.dtype.kind not in "iuf" or not abs(number) <= LARGEST_NUMBER:
+        raise ClosureError(
+            f"{what} must be a finite number [{unit}] of {LARGEST_NUMBER:g} at most, got {value!r}"
+        )
+    return float(number)
 
 
 def one_number(value: Any, what: str, *, least: float = 0.0, itself: bool = False) -> float:
@@ -37,6 +51,76 @@ def whole_number(value: Any, what: str, least: int) -> int:
     if isinstance(value, int | np.integer) and not isinstance(value, bool) and value >= least:
         return int(value)
     raise ClosureError(f"{what} must be a whole number from {least} on, got {value!r}")
+
+
+def finite_vector(
+    values: ArrayLike, size: int, what: str, unit: str, largest: float = LARGEST_NUMBER
+) -> np.ndarray:
+    """Check (size,) finite real numbers, at most ``largest`` in size; a single one may come bare.
+
+    Raises ``ClosureError``.
+    """
+    if type(values) is np.ndarray and values.dtype is FLOAT and values.shape == (size,):
+        array = values.copy()
+        if array.dot(array) <= LARGEST_SQUARE:  # also false for what is not finite
+            return array
+    try:
+        raw = np.asarray(values)
+        if raw.dtype.kind not in "biufO":  # text and complex numbers would be cast silently
+            raise TypeError
+        array = np.array(raw, dtype=float)
+    except (TypeError, ValueError):
+        raise ClosureError(f"{what} must be {size} numbers ({unit}), got {values!r}") from None
+    if size == 1 and array.ndim == 0:
+        array = array.reshape(1)
+    if array.shape != (size,):
+        raise ClosureError(f"{what} must have shape ({size},) ({unit}), got {array.shape}")
+    if not np.isfinite(array).all():
+        bad = np.flatnonzero(~np.isfinite(array))
+        raise ClosureError(f"{what} has entries that are not finite, at index {bad.tolist()}")
+    if array.size and np.abs(array).max() > largest:
+        bad = np.flatnonzero(np.abs(array) > largest)
+        raise ClosureError(
+            f"{what} has entries beyond {largest:g} (SI units), at index {bad.tolist()}"
+        )
+    return array
+
+
+def vector_by_name(
+    values: ArrayLike | Mapping[str, float],
+    names: Sequence[str],
+    what: str,
+    largest: float = LARGEST_NUMBER,
+) -> np.ndarray:
+    """Check (n,) finite numbers, one an input, given in order or by name.
+
+    Raises ``ClosureError``.
+    """
+    if type(values) is not np.ndarray and isinstance(values, Mapping):
+        for name in values:
+            if name not in names:
+                raise ClosureError(known_names(str(name), "input", names))
+        missing = [name for name in names if name not in values]
+        if missing:
+            raise ClosureError(f"{what}: no value for input {', '.join(missing)}")
+        values = [values[name] for name in names]
+    return finite_vector(values, len(names), what, " ".join(names), largest)
+
+
+def finite_rows(values: ArrayLike, names: Sequence[str], what: str) -> np.ndarray:
+    """Check (n, k) finite numbers, k names. Raises ``ClosureError``."""
+    rows = np.array(values, dtype=float)
+    if rows.ndim != 2 or rows.shape[1] != len(names):
+        raise ClosureError(
+            f"{what} must be (n, {len(names)}) ({' '.join(names)}), got {rows.shape}"
+        )
+    if not np.isfinite(rows).all() or np.abs(rows).max(initial=0.0) > LARGEST_NUMBER:
+        bad = np.flatnonzero(~(np.abs(rows) <= LARGEST_NUMBER).all(axis=1))
+        raise ClosureError(
+            f"{what}: rows {bad[:5].tolist()} have numbers that are not finite, or beyond "
+            f"{LARGEST_NUMBER:g}"
+        )
+    return rows
 
 
 def number_table(values: ArrayLike, names: Sequence[str]) -> np.ndarray:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import threading
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
@@ -15,41 +14,24 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from closedchain.closure.closures import Closure, Coupling
-from closedchain.closure.joint_kinds import FLOATING, TREE_KINDS
+from closedchain.closure.configurations import Layout, layout_of
+from closedchain.closure.coordinates import (
+    joints_of_inputs,
+    limits_of,
+    translations_of,
+    units_of_inputs,
+)
+from closedchain.closure.given import LARGEST_NUMBER, finite_rows, finite_vector, vector_by_name
 from closedchain.closure.rigid_constraints import rigid_constraints
 from closedchain.closure.showing import registered
 from closedchain.closure.solve.control import CLOSED
+from closedchain.closure.task_frame import TaskFrame, chosen_outputs
 from closedchain.closure.workspace import Workspace
-from closedchain.urdf.description import OUTPUTS, Description, ParameterValue
+from closedchain.urdf.description import Description, ParameterValue
 from closedchain.urdf.errors import ClosureError, known_names
 
 if TYPE_CHECKING:
     from closedchain.closure.rounding.report import Rounding
-
-QUATERNION_TOLERANCE = 1e-6
-FLOAT = np.dtype(float)
-LARGEST_NUMBER = 1e6  # metres or radians: beyond it rounding alone breaks the closure tolerance
-LARGEST_SQUARE = LARGEST_NUMBER**2
-
-
-@dataclass(frozen=True)
-class TaskFrame:
-    """What the mechanism is for: the motion of link ``tip`` against the fixed link ``base``.
-
-    ``outputs``: x y z are the velocity of the tip's origin, rx ry rz its angular velocity. With
-    all three rotations, or none, components are along the world's axes; with one or two, along the
-    tip's own axes, so that "x y z rx rz" is a position and the direction of the tip's y axis.
-
-    Examples
-    --------
-    >>> task = cc.load("linear_delta").task
-    >>> task.base, task.tip, task.outputs
-    ('base', 'P', ('x', 'y', 'z'))
-    """
-
-    base: str
-    tip: str
-    outputs: tuple[str, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,30 +119,7 @@ class Mechanism:
             f"{len(self.closures)} closures with {self.rows} rows, inputs {' '.join(self.inputs)})"
         )
 
-    # -- sizes, columns and scales ---------------------------------------------------------------
-
-    def show(self, q: ArrayLike | None = None, **options: Any) -> Any:
-        """Page of the mechanism for a notebook: sliders move it, its loops stay closed.
-
-        Parameters
-        ----------
-        q : (nq,) array, optional
-            Posture to begin with; home by default.
-        **options
-            ``height`` [pixels], ``up``, ``overlays``, ``controls``, ``title``, ``animation``, as
-            ``closedchain.robots.embedding.show``.
-
-        Returns
-        -------
-        Embedded
-            A notebook shows it where it is the last value of a cell; it needs no network.
-
-        Raises
-        ------
-        ClosureError
-            Malformed posture or options.
-        """
-        return registered()(self, q, **options)
+    # -- sizes, columns and scales ----------------------------------------------------------------
 
     @cached_property
     def rows(self) -> int:
@@ -177,8 +136,7 @@ class Mechanism:
 
     @cached_property
     def _input_joints(self) -> tuple[int, ...]:
-        by_name = {spec.name: spec.joint for spec in self.description.inputs}
-        return tuple(self.model.getJointId(by_name[name]) for name in self.inputs)
+        return joints_of_inputs(self.model, self.description, self.inputs)
 
     @cached_property
     def input_q(self) -> np.ndarray:
@@ -193,9 +151,7 @@ class Mechanism:
     @cached_property
     def input_units(self) -> tuple[str, ...]:
         """Unit of each input, "m" or "rad"."""
-        kinds = {joint.name: joint.type for joint in self.description.joints}
-        driven = {spec.name: kinds[spec.joint] for spec in self.description.inputs}
-        return tuple("m" if driven[name] == "prismatic" else "rad" for name in self.inputs)
+        return units_of_inputs(self.description, self.inputs)
 
     @cached_property
     def passive_v(self) -> np.ndarray:
@@ -205,12 +161,7 @@ class Mechanism:
     @cached_property
     def translational(self) -> np.ndarray:
         """Which tangent coordinates are translations [m], (nv,) of bool; the others are angles."""
-        slides = np.zeros(self.model.nv, dtype=bool)
-        types = {joint.name: joint.type for joint in self.description.joints}
-        for name, joint in list(zip(self.model.names, self.model.joints, strict=True))[1:]:
-            lengths = [screw.is_length for screw in TREE_KINDS[types[name]].screws]
-            slides[joint.idx_v : joint.idx_v + joint.nv] = lengths
-        return slides
+        return translations_of(self.model, self.description)
 
     @cached_property
     def column_scale(self) -> np.ndarray:
@@ -233,12 +184,7 @@ class Mechanism:
     @cached_property
     def limits(self) -> tuple[np.ndarray, np.ndarray]:
         """Lower and upper limits of ``q``, (nq,) each; infinite for floating joints."""
-        lower, upper = np.full(self.model.nq, -np.inf), np.full(self.model.nq, np.inf)
-        for joint in list(self.model.joints)[1:]:
-            if joint.nq == 1:
-                lower[joint.idx_q] = self.model.lowerPositionLimit[joint.idx_q]
-                upper[joint.idx_q] = self.model.upperPositionLimit[joint.idx_q]
-        return lower, upper
+        return limits_of(self.model)
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -249,6 +195,13 @@ class Mechanism:
     def misfit(self) -> float:
         """What rounded numbers miss [m, rad]: redundant rows with the others closed; else 0."""
         return 0.0 if self.rounding is None else self.rounding.misfit
+
+    @cached_property
+    def known(self) -> dict[Any, Any]:
+        """What was made from this mechanism once and for all, such as machine code; not pickled."""
+        return {}
+
+    # -- home -------------------------------------------------------------------------------------
 
     @property
     def home_open(self) -> bool:
@@ -282,12 +235,16 @@ class Mechanism:
             raise ClosureError(f"the loops are open there by {gap:.3g}: use cc.close(m, q).q")
         return self.with_home(q, self.length)
 
-    @cached_property
-    def known(self) -> dict[Any, Any]:
-        """What was made from this mechanism once and for all, such as machine code; not pickled."""
-        return {}
+    def with_home(self, home: np.ndarray, length: float) -> Mechanism:
+        """Return the same mechanism with another home posture (nq,) and characteristic length [m].
 
-    # -- named postures --------------------------------------------------------------------------
+        Both share Pinocchio's scratch space, whose size grows with the cube of the freedoms.
+        """
+        other = replace(self, home=home, length=length, open_by=0.0)
+        other.__dict__["_local"] = self._local
+        return other
+
+    # -- named postures ---------------------------------------------------------------------------
 
     @cached_property
     def postures(self) -> Mapping[str, np.ndarray]:
@@ -306,7 +263,7 @@ class Mechanism:
             raise ClosureError(known_names(str(name), "posture", self.postures))
         return self.postures[name]
 
-    # -- reading a posture -----------------------------------------------------------------------
+    # -- checks of what is given ------------------------------------------------------------------
 
     def configuration(self, q: ArrayLike) -> np.ndarray:
         """Check a configuration: (nq,) finite numbers with unit quaternions, or what has such a q.
@@ -317,43 +274,12 @@ class Mechanism:
             Wrong shape, NaN or infinite entries, or a quaternion that is not normalised.
         """
         q = getattr(q, "q", q)  # of a solution
-        array = finite_vector(q, self.model.nq, "configuration q", "nq")
-        if self._quaternions:
-            numbers = array.tolist()
-            for start in self._quaternions:
-                x, y, z, w = numbers[start : start + 4]
-                square = x * x + y * y + z * z + w * w
-                if abs(square - 1.0) > QUATERNION_TOLERANCE:  # half of that would still do
-                    norm = math.sqrt(square)
-                    if abs(norm - 1.0) <= QUATERNION_TOLERANCE:
-                        continue
-                    raise ClosureError(
-                        f"q[{start}:{start + 4}] is a quaternion (x y z w) of norm {norm:.6g}; it "
-                        "must be 1 (integrate with pin.integrate, never add to q)"
-                    )
-        return array
+        return self._layout.one(q)
 
     def configurations(self, q: ArrayLike) -> np.ndarray:
         """Check one configuration (nq,) or many (n, nq). Raises ``ClosureError``."""
         q = getattr(q, "q", q)
-        if np.ndim(q) == 2:
-            if self._are_fine(array := np.array(q)):
-                return array
-            return np.array([self.configuration(one) for one in np.asarray(q)]).reshape(
-                -1, self.model.nq
-            )
-        return self.configuration(q)
-
-    def _are_fine(self, q: np.ndarray) -> bool:
-        """Whether every row of numbers passes ``configuration``, seen at once."""
-        if q.dtype != FLOAT or q.shape[1] != self.model.nq:
-            return False
-        if not np.abs(q).max(initial=0.0) <= LARGEST_NUMBER:
-            return False
-        return all(
-            (np.abs(np.linalg.norm(q[:, s : s + 4], axis=1) - 1.0) <= QUATERNION_TOLERANCE).all()
-            for s in self._quaternions
-        )
+        return self._layout.many(q) if np.ndim(q) == 2 else self._layout.one(q)
 
     def tangent(self, v: ArrayLike) -> np.ndarray:
         """Check a velocity: (nv,) finite numbers. Raises ``ClosureError``."""
@@ -366,36 +292,17 @@ class Mechanism:
         largest: float = LARGEST_NUMBER,
     ) -> np.ndarray:
         """Check one number per input, given in order or by name. Raises ``ClosureError``."""
-        if type(values) is not np.ndarray and isinstance(values, Mapping):
-            for name in values:
-                if name not in self.inputs:
-                    raise ClosureError(known_names(str(name), "input", self.inputs))
-            missing = [name for name in self.inputs if name not in values]
-            if missing:
-                raise ClosureError(f"{what}: no value for input {', '.join(missing)}")
-            values = [values[name] for name in self.inputs]
-        return finite_vector(values, len(self.inputs), what, " ".join(self.inputs), largest)
+        return vector_by_name(values, self.inputs, what, largest)
 
     def input_rows(self, values: ArrayLike, what: str) -> np.ndarray:
         """Check (n, n_inputs) finite numbers. Raises ``ClosureError``."""
-        rows = np.array(values, dtype=float)
-        if rows.ndim != 2 or rows.shape[1] != len(self.inputs):
-            raise ClosureError(
-                f"{what} must be (n, {len(self.inputs)}) ({' '.join(self.inputs)}), got "
-                f"{rows.shape}"
-            )
-        if not np.isfinite(rows).all() or np.abs(rows).max(initial=0.0) > LARGEST_NUMBER:
-            bad = np.flatnonzero(~(np.abs(rows) <= LARGEST_NUMBER).all(axis=1))
-            raise ClosureError(
-                f"{what}: rows {bad[:5].tolist()} have numbers that are not finite, or beyond "
-                f"{LARGEST_NUMBER:g}"
-            )
-        return rows
+        return finite_rows(values, self.inputs, what)
 
     @cached_property
-    def _quaternions(self) -> tuple[int, ...]:
-        joints = list(self.model.joints)[1:]
-        return tuple(j.idx_q + 3 for j in joints if j.nq == FLOATING.nq)
+    def _layout(self) -> Layout:
+        return layout_of(self.model)
+
+    # -- reading a posture ------------------------------------------------------------------------
 
     def input_values(self, q: ArrayLike) -> np.ndarray:
         """Values of the inputs (n_inputs,) [m or rad] at configuration ``q`` (nq,)."""
@@ -433,6 +340,8 @@ class Mechanism:
         """World position (3,) [m] of the origin of a named frame at ``q`` (nq,)."""
         return np.array(self.pose(q, frame).translation)
 
+    # -- task and inputs --------------------------------------------------------------------------
+
     def required_task(self) -> TaskFrame:
         """Return the task, or raise ``ClosureError`` where the description states none."""
         if self.task is None:
@@ -461,23 +370,11 @@ class Mechanism:
         """
         if outputs is None:
             return self.required_task().outputs
-        names = tuple(outputs.replace(",", " ").split() if isinstance(outputs, str) else outputs)
-        for name in names:
-            if name not in OUTPUTS:
-                raise ClosureError(known_names(str(name), "output", OUTPUTS))
-        if not names or len(set(names)) < len(names):
-            raise ClosureError(f"outputs must be distinct and at least one of {' '.join(OUTPUTS)}")
+        names = chosen_outputs(outputs)
         self.required_task()
-        return tuple(sorted(names, key=OUTPUTS.index))
+        return names
 
-    def with_home(self, home: np.ndarray, length: float) -> Mechanism:
-        """Return the same mechanism with another home posture (nq,) and characteristic length [m].
-
-        Both share Pinocchio's scratch space, whose size grows with the cube of the freedoms.
-        """
-        other = replace(self, home=home, length=length, open_by=0.0)
-        other.__dict__["_local"] = self._local
-        return other
+    # -- in Pinocchio's words ---------------------------------------------------------------------
 
     def pinocchio_constraints(self) -> tuple[pin.RigidConstraintModel, ...]:
         """Closures as rigid constraint models of Pinocchio, for its constrained dynamics.
@@ -491,7 +388,32 @@ class Mechanism:
         """
         return rigid_constraints(self.model, self.closures)
 
-    # -- Pinocchio's scratch space, one per thread -----------------------------------------------
+    # -- drawing ----------------------------------------------------------------------------------
+
+    def show(self, q: ArrayLike | None = None, **options: Any) -> Any:
+        """Page of the mechanism for a notebook: sliders move it, its loops stay closed.
+
+        Parameters
+        ----------
+        q : (nq,) array, optional
+            Posture to begin with; home by default.
+        **options
+            ``height`` [pixels], ``up``, ``overlays``, ``controls``, ``title``, ``animation``, as
+            ``closedchain.robots.embedding.show``.
+
+        Returns
+        -------
+        Embedded
+            A notebook shows it where it is the last value of a cell; it needs no network.
+
+        Raises
+        ------
+        ClosureError
+            Malformed posture or options.
+        """
+        return registered()(self, q, **options)
+
+    # -- Pinocchio's scratch space, one per thread ------------------------------------------------
 
     @cached_property
     def _local(self) -> threading.local:
@@ -505,36 +427,3 @@ class Mechanism:
         except AttributeError:
             self._local.workspace = Workspace(self.model, self.closures)
             return self._local.workspace
-
-
-def finite_vector(
-    values: ArrayLike, size: int, what: str, unit: str, largest: float = LARGEST_NUMBER
-) -> np.ndarray:
-    """Check (size,) finite real numbers, at most ``largest`` in size; a single one may come bare.
-
-    Raises ``ClosureError``.
-    """
-    if type(values) is np.ndarray and values.dtype is FLOAT and values.shape == (size,):
-        array = values.copy()
-        if array.dot(array) <= LARGEST_SQUARE:  # also false for what is not finite
-            return array
-    try:
-        raw = np.asarray(values)
-        if raw.dtype.kind not in "biufO":  # text and complex numbers would be cast silently
-            raise TypeError
-        array = np.array(raw, dtype=float)
-    except (TypeError, ValueError):
-        raise ClosureError(f"{what} must be {size} numbers ({unit}), got {values!r}") from None
-    if size == 1 and array.ndim == 0:
-        array = array.reshape(1)
-    if array.shape != (size,):
-        raise ClosureError(f"{what} must have shape ({size},) ({unit}), got {array.shape}")
-    if not np.isfinite(array).all():
-        bad = np.flatnonzero(~np.isfinite(array))
-        raise ClosureError(f"{what} has entries that are not finite, at index {bad.tolist()}")
-    if array.size and np.abs(array).max() > largest:
-        bad = np.flatnonzero(np.abs(array) > largest)
-        raise ClosureError(
-            f"{what} has entries beyond {largest:g} (SI units), at index {bad.tolist()}"
-        )
-    return array

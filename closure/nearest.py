@@ -12,7 +12,8 @@ from numpy.typing import ArrayLike
 from closedchain.closure.constraints import flipped_axes, gaps
 from closedchain.closure.equations import Equations
 from closedchain.closure.fitting import fit
-from closedchain.closure.mechanism import Mechanism, finite_vector
+from closedchain.closure.given import finite_vector
+from closedchain.closure.mechanism import Mechanism
 from closedchain.closure.ranks import null_space
 from closedchain.closure.solution import Solution
 from closedchain.closure.solve.control import CLOSED
@@ -152,11 +153,11 @@ def _hold(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Put held joints at their values; return the posture and the columns left free."""
     q = q.copy()
-    inputs = dict(zip(mechanism.inputs, mechanism._input_joints, strict=True))
+    driven = {spec.name: spec.joint for spec in mechanism.description.inputs}
     held = np.zeros(mechanism.model.nv, dtype=bool)
     for name, value in fixed.items():
-        if name in inputs:
-            joint_id = inputs[name]
+        if name in mechanism.inputs:
+            joint_id = mechanism.model.getJointId(driven[name])
         elif name != "universe" and mechanism.model.existJointName(name):
             joint_id = mechanism.model.getJointId(name)
         else:

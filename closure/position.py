@@ -12,7 +12,8 @@ from numpy.typing import ArrayLike
 from closedchain.closure.branchless import anywhere, closed_near, not_closed
 from closedchain.closure.constraints import flipped_axes
 from closedchain.closure.generic import dimensionless_jacobian, generic_ranks
-from closedchain.closure.mechanism import LARGEST_SQUARE, Mechanism
+from closedchain.closure.given import LARGEST_SQUARE
+from closedchain.closure.mechanism import Mechanism
 from closedchain.closure.nearest import beyond_limits, limit_note
 from closedchain.closure.ranks import null_space, numerical_rank
 from closedchain.closure.solution import Solution, Solutions, found_on_branch

@@ -70,12 +70,15 @@ def numerical_rank(matrix: np.ndarray, tolerance: float = RANK_TOLERANCE) -> Ran
     return rank_of_singular_values(np.linalg.svd(matrix, compute_uv=False), tolerance)
 
 
-def doubtful(matrix: np.ndarray) -> bool:
-    """Whether a singular value of a dimensionless matrix may stem from the posture's error."""
+def doubtful(matrix: np.ndarray, zero: float = RANK_TOLERANCE, counts: float = DOUBT) -> bool:
+    """Whether a singular value of a dimensionless matrix may stem from the posture's error.
+
+    It lies between what is ``zero`` and what ``counts``, as shares of the largest.
+    """
     if 0 in matrix.shape:
         return False
     s = np.linalg.svd(matrix, compute_uv=False)
-    return bool(((s > RANK_TOLERANCE * s[0]) & (s < DOUBT * s[0])).any())
+    return bool(((s > zero * s[0]) & (s < counts * s[0])).any())
 
 
 def null_space(matrix: np.ndarray, tolerance: float = RANK_TOLERANCE) -> tuple[np.ndarray, Rank]:

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
 
 import closedchain as cc
+
+if TYPE_CHECKING:
+    from browser import Browser
 
 
 @dataclass(frozen=True)
@@ -33,6 +36,19 @@ def tol() -> Tolerances:
 @pytest.fixture(scope="session")
 def d1() -> cc.Mechanism:
     return cc.load("d1")
+
+
+@pytest.fixture(scope="session")
+def delta() -> cc.Mechanism:
+    return cc.load("linear_delta")
+
+
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
+    from browser import Browser
+
+    with Browser(tmp_path_factory.mktemp("browser")) as one:
+        yield one
 
 
 @pytest.fixture(scope="session")

@@ -14,8 +14,8 @@ from numpy.typing import ArrayLike
 
 from closedchain.analysis.forces.input_efforts import PIVOT, effort_code
 from closedchain.analysis.velocity import velocity
-from closedchain.closure.given import real_array
-from closedchain.closure.mechanism import Mechanism, finite_vector
+from closedchain.closure.given import finite_vector, real_array
+from closedchain.closure.mechanism import Mechanism
 from closedchain.urdf.errors import ClosureError
 
 ALL = "x y z rx ry rz"

@@ -18,11 +18,11 @@ from closedchain.closure.mechanism import Mechanism
 from closedchain.closure.solve.problem import Problem, problem_of
 from closedchain.closure.tape.cholesky import cholesky
 from closedchain.closure.tape.derivative import forward
-from closedchain.closure.tape.elimination import Elimination
+from closedchain.closure.tape.eliminated import EliminatedClosures
+from closedchain.closure.tape.elimination import Elimination, along
 from closedchain.closure.tape.expression import Expr, Graph, total
 from closedchain.closure.tape.machine import Compiled, compiled
 from closedchain.closure.tape.rows import Kinematics
-from closedchain.closure.tape.vectors import matvec, rotation, transposed
 
 Motion = dict[int, Expr]
 """Coordinates of a motion that are not zero, dimensionless."""
@@ -83,14 +83,14 @@ class ClosedMotions:
         for (a, b), entry in zip(self.pairs, entries, strict=True):
             mass[a][b] = mass[b][a] = (scale[a] * scale[b]) * entry
         start = at.own(at.factors.solve([-x for x in at.drift]))
-        motions = [at.own(motion) for motion in at.factors.kernel()]
+        motions = [at.own(motion) for motion in at.closures.basis]
         pulled = [_times(mass, motion) for motion in motions]
         inertia: dict[int, Motion] = {i: {} for i in range(len(motions))}
         for i, one in enumerate(motions):
             for j in range(i, len(motions)):
-                inertia[i][j] = inertia[j][i] = g.lift(_inner(one, pulled[j]))
+                inertia[i][j] = inertia[j][i] = g.lift(along(one, pulled[j]))
         right = [
-            g.lift(_inner(motion, dict(enumerate(effort))) - _inner(start, pull))
+            g.lift(along(motion, dict(enumerate(effort))) - along(start, pull))
             for motion, pull in zip(motions, pulled, strict=True)
         ]
         largest, spread, least = g.constant(0.0), g.constant(1.0), g.constant(1.0)
@@ -117,19 +117,16 @@ class ClosedMotions:
         model, scale = self.mechanism.model, self.mechanism.column_scale
         g = Graph()
         at = _Posture(self.problem, g)
-        rows, kept = at.kinematics.closures, self.problem.kept
-        gap, zero = g.constant(0.0), g.constant(0.0)
-        for unit, value in zip(rows.units, rows.values, strict=True):
-            gap = gap.max(unit * abs(value))
+        rows, kept, zero = at.kinematics.closures, self.problem.kept, g.constant(0.0)
         step = at.own(at.factors.shortest([-rows.values[r] for r in kept]))
         off = at.factors.shortest(at.row_rates)
         fits = at.own({v: x - off.get(v, zero) for v, x in at.velocity.items()})
-        motions = [at.own(motion) for motion in at.factors.kernel()]
+        motions = [at.own(motion) for motion in at.closures.basis]
         determinant = at.factors.determinant(range(model.nv))
         answers = [scale[v] * g.lift(part.get(v, zero)) for part in (step, fits)
                    for v in range(model.nv)]  # fmt: skip
         basis = [g.lift(motion.get(v, zero)) for v in range(model.nv) for motion in motions]
-        numbers = [at.factors.least, gap, determinant, *answers, *basis]
+        numbers = [at.factors.least, at.closures.residual, determinant, *answers, *basis]
         return compiled(g.tape([g.lift(x) for x in numbers], model.nq + model.nv))
 
 
@@ -141,15 +138,16 @@ class _Posture:
     graph: Graph
 
     @cached_property
-    def kinematics(self) -> Kinematics:
-        return self.problem.kinematics(
-            self.graph, self.graph.inputs(0, self.problem.mechanism.model.nq)
-        )
+    def closures(self) -> EliminatedClosures:
+        return self.problem.eliminated(self.graph)
 
-    @cached_property
+    @property
+    def kinematics(self) -> Kinematics:
+        return self.closures.kinematics
+
+    @property
     def factors(self) -> Elimination:
-        rows, samples = self.kinematics.closures, self.problem.regular.T
-        return self.problem.elimination(self.graph, rows, samples)
+        return self.closures.factors
 
     @cached_property
     def given(self) -> list[Expr]:
@@ -161,14 +159,12 @@ class _Posture:
     def velocity(self) -> Motion:
         """v, dimensionless, floating bodies along the axes outside."""
         scale = self.problem.mechanism.column_scale
-        return self._turned({v: x * (1.0 / scale[v]) for v, x in enumerate(self.given)})
+        return self.kinematics.outside({v: x * (1.0 / scale[v]) for v, x in enumerate(self.given)})
 
     @cached_property
     def row_rates(self) -> list[Expr]:
         """K v of the kept rows."""
-        entries = self.kinematics.closures.entries
-        kept = [entries[r] for r in self.problem.kept]
-        return [self.graph.lift(_inner(row, self.velocity)) for row in kept]
+        return [self.graph.lift(along(row, self.velocity)) for row in self.closures.entries]
 
     @cached_property
     def drift(self) -> list[Expr]:
@@ -197,20 +193,7 @@ class _Posture:
 
     def own(self, motion: Motion) -> Motion:
         """A motion with floating bodies along their own axes."""
-        return self._turned(motion, back=True)
-
-    def _turned(self, motion: Motion, *, back: bool = False) -> Motion:
-        model, found = self.problem.mechanism.model, dict(motion)
-        zero = self.graph.constant(0.0)
-        for i in range(1, model.njoints):
-            if model.nvs[i] != 6:
-                continue
-            turn = rotation(self.kinematics.q[model.idx_qs[i] + 3 : model.idx_qs[i] + 7])
-            for first in (model.idx_vs[i], model.idx_vs[i] + 3):
-                old = [motion.get(first + k, zero) for k in range(3)]
-                new = matvec(transposed(turn) if back else turn, old)
-                found |= {first + k: self.graph.lift(x) for k, x in enumerate(new)}
-        return {v: x for v, x in found.items() if x.value != 0.0}
+        return self.kinematics.own(motion)
 
 
 def closed_motions(mechanism: Mechanism) -> ClosedMotions:
@@ -231,7 +214,3 @@ def _times(matrix: Sequence[Motion], motion: Motion) -> Motion:
                 entry = entry + term
             found[row] = entry
     return found
-
-
-def _inner(one: Motion, other: Motion) -> Expr | float:
-    return total(entry * other[v] for v, entry in one.items() if v in other)

@@ -75,25 +75,23 @@ class EffortCode:
     def _code(self) -> Compiled:
         m, g = self.mechanism, Graph()
         nq = m.model.nq
-        k = self.problem.kinematics(g, g.inputs(0, nq))
+        closures = self.problem.eliminated(g)
         load = g.inputs(nq, 3 + 6 * len(self.frames))
-        needed = [-power for power in self._powers(k, load)]
-        rows = k.closures
-        entries = [rows.entries[r] for r in self.problem.kept]
+        needed = [-power for power in self._powers(closures.kinematics, load)]
+        entries = closures.entries
         least: Expr = g.constant(1.0)
         multipliers: list[Any] = []
         if entries:
-            factors = self.problem.elimination(g, rows, self.problem.regular.T)
-            least = factors.least
-            multipliers = factors.solve_transposed({v: needed[v] for v in self.problem.free})
+            least = closures.factors.least
+            multipliers = closures.factors.solve_transposed(
+                {v: needed[v] for v in self.problem.free}
+            )
         efforts = []
         for v in map(int, m.input_v):
             carried = [row[v] * x for row, x in zip(entries, multipliers, strict=True) if v in row]
             efforts.append((needed[v] - total(carried)) * (1.0 / m.column_scale[v]))
-        gap = g.constant(0.0)
-        for unit, value in zip(rows.units, rows.values, strict=True):
-            gap = gap.max(unit * abs(value))
-        return compiled(g.tape([g.lift(x) for x in (least, gap, *efforts)], nq + len(load)))
+        numbers = (least, closures.residual, *efforts)
+        return compiled(g.tape([g.lift(x) for x in numbers], nq + len(load)))
 
     def _powers(self, k: Kinematics, load: list[Expr]) -> list[Any]:
         """Power of the loads in each unit motion of the tree, lengths in m.length: moments."""

@@ -14,7 +14,8 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from closedchain.closure.mechanism import Mechanism, finite_vector
+from closedchain.closure.given import finite_vector
+from closedchain.closure.mechanism import Mechanism
 from closedchain.urdf.errors import ClosureError
 
 GRAVITY = (0.0, 0.0, -9.81)

@@ -84,18 +84,16 @@ class PinnedMotion:
     def _code(self) -> Compiled:
         """Smallest pivot, then the rates row by row; compared with LAPACK at two postures."""
         g, model = Graph(), self.mechanism.model
-        kinematics = self.problem.kinematics(g, g.inputs(0, model.nq))
-        entries = [kinematics.closures.entries[r] for r in self.problem.kept]
-        samples = self.problem.regular
+        closures = self.problem.eliminated(g)
         zero, one = g.constant(0.0), g.constant(1.0)
-        factors = self.problem.elimination(g, kinematics.closures, samples.T)
+        factors = closures.factors
         columns = []
         for pin in self.pinned:
-            right = [-row[pin] if pin in row else zero for row in entries]
+            right = [-row[pin] if pin in row else zero for row in closures.entries]
             columns.append({**factors.shortest(right), pin: one})
         numbers = [g.lift(column.get(v, zero)) for v in self.wanted for column in columns]
         code = compiled(g.tape([g.lift(factors.least), *numbers], model.nq))
-        tried = samples[-POSTURES:]
+        tried = closures.samples[-POSTURES:]
         expected = np.array([self.rates_at(q)[0].ravel() for q in tried]).T
         agree(f"rates of {self.mechanism.name!r}", code.run(tried.T.copy())[1:], expected)
         return code

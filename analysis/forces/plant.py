@@ -32,6 +32,7 @@ from closedchain.analysis.forces.loads import (
 )
 from closedchain.closure.generic import dimensionless_jacobian, sampled_rank
 from closedchain.closure.mechanism import Mechanism
+from closedchain.closure.ranks import doubtful
 from closedchain.closure.solve.control import CLOSED
 from closedchain.closure.solve.problem import problem_of
 from closedchain.closure.tape.machine import Compiled
@@ -342,16 +343,6 @@ class Ask:
         return self.out
 
 
-def _is_plain(mechanism: Mechanism, q: np.ndarray) -> bool:
-    """Whether every singular value of K is zero or not, beyond doubt.
-
-    Where a rank promises more motions than the closed postures have, rows depend on each other but
-    for the error of the posture, and accelerations are as uncertain.
-    """
-    s = np.linalg.svd(dimensionless_jacobian(mechanism, q), compute_uv=False)
-    return not bool(((s > ZERO * s.max(initial=0.0)) & (s < SINGULAR * s.max(initial=0.0))).any())
-
-
 def _agree(code: ClosedMotions) -> bool:
     """Compare with LAPACK at two postures, all bodies with unit inertia; whether that could be.
 
@@ -367,8 +358,8 @@ def _agree(code: ClosedMotions) -> bool:
     plant = Plant(m, Loads(np.zeros(3), {}, model))
     rng, compared = np.random.default_rng(0), False
     for q in problem_of(m).regular[-POSTURES:]:
-        if not _is_plain(m, q):
-            continue
+        if doubtful(dimensionless_jacobian(m, q), ZERO, SINGULAR):
+            continue  # rows may depend on each other but for the posture's error
         v, effort = rng.standard_normal((2, model.nv)) * [m.column_scale, 1.0 / m.column_scale]
         mass, by_lapack = plant.mass(q), plant._fit_by_lapack(q, v)
         entries = np.array([mass[pair] for pair in code.pairs])

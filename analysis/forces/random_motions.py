@@ -90,13 +90,10 @@ class RandomMotions:
     def _code(self) -> Compiled:
         """Smallest pivot, then a basis (nv, f) of the closed motions, row by row."""
         g, m = Graph(), self.mechanism
-        problem = problem_of(m)
-        k = problem.kinematics(g, g.inputs(0, m.model.nq))
-        factors = problem.elimination(g, k.closures, problem.regular.T)
-        zero = g.constant(0.0)
-        motions = factors.kernel()
-        entries = [g.lift(motion.get(v, zero)) for v in range(m.model.nv) for motion in motions]
-        return compiled(g.tape([g.lift(factors.least), *entries], m.model.nq))
+        closures, zero = problem_of(m).eliminated(g), g.constant(0.0)
+        least, basis = closures.factors.least, closures.basis
+        entries = [g.lift(motion.get(v, zero)) for v in range(m.model.nv) for motion in basis]
+        return compiled(g.tape([g.lift(least), *entries], m.model.nq))
 
 
 def random_motions(mechanism: Mechanism) -> RandomMotions:

@@ -11,17 +11,21 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Protocol
+from typing import Protocol, Self, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from closedchain.analysis.forces.capabilities import drive_stiffness, twist_maps
+from closedchain.closure.given import real_array
 from closedchain.closure.mechanism import Mechanism
 from closedchain.urdf.description import OUTPUTS
 from closedchain.urdf.errors import ClosureError, known_names
 
 SINGULAR = 1e-9  # share of the largest singular value below which a rank is lost
+
+
+_Function = TypeVar("_Function", bound=Callable[..., np.ndarray])
 
 
 class TipMeasure(Protocol):
@@ -35,6 +39,17 @@ class TipMeasure(Protocol):
         ...
 
 
+def measured_in(unit: str) -> Callable[[_Function], _Function]:
+    """Give a function its unit, which a map then says beside its values."""
+
+    def marked(function: _Function) -> _Function:
+        vars(function)["unit"] = unit
+        return function
+
+    return marked
+
+
+@measured_in("N, N m per N")
 def effort_per_force(mechanism: Mechanism, postures: np.ndarray) -> np.ndarray:
     """Largest input effort for unit force at the tip, any direction.
 
@@ -47,6 +62,7 @@ def effort_per_force(mechanism: Mechanism, postures: np.ndarray) -> np.ndarray:
     return np.asarray(np.linalg.norm(twist_maps(mechanism, postures)[:, :3], axis=1).max(axis=1))
 
 
+@measured_in("N, N m per N m")
 def effort_per_moment(mechanism: Mechanism, postures: np.ndarray) -> np.ndarray:
     """Largest input effort for unit moment at the tip, any direction.
 
@@ -61,6 +77,7 @@ def effort_per_moment(mechanism: Mechanism, postures: np.ndarray) -> np.ndarray:
     return np.asarray(np.linalg.norm(twist_maps(mechanism, postures)[:, 3:], axis=1).max(axis=1))
 
 
+@measured_in("m/s")
 def least_speed(mechanism: Mechanism, postures: np.ndarray) -> np.ndarray:
     """Speed of the tip in its slowest direction, for input rates of unit size.
 
@@ -76,6 +93,7 @@ def least_speed(mechanism: Mechanism, postures: np.ndarray) -> np.ndarray:
     return _of_finite(t, lambda s: s[:, -1] if s.shape[1] == t.shape[1] else 0.0 * s[:, -1], np.nan)
 
 
+@measured_in("N")
 def least_force(mechanism: Mechanism, postures: np.ndarray) -> np.ndarray:
     """Force at the tip in its weakest direction, for efforts of unit size.
 
@@ -141,42 +159,49 @@ def output_transmission(mechanism: Mechanism, postures: np.ndarray) -> np.ndarra
     return found
 
 
-for _measure, _unit in (
-    (effort_per_force, "N, N m per N"),
-    (effort_per_moment, "N, N m per N m"),
-    (least_speed, "m/s"),
-    (least_force, "N"),
-):
-    _measure.unit = _unit  # type: ignore[attr-defined]
-
-
 @dataclass(frozen=True)
-class TipCompliance:
-    """Largest displacement of the tip's origin for unit force, any direction."""
+class OfDrives:
+    """What a measure of a tip that gives way needs: the stiffness of each drive, or one for all."""
 
     drives: tuple[float, ...]
-    unit = "m/N"
-    __name__ = "largest_compliance"
 
-    def __call__(self, mechanism: Mechanism, postures: np.ndarray) -> np.ndarray:
-        """Values (n,) [m/N], infinite at direct singularities."""
-        k = drive_stiffness(mechanism, _spread(mechanism, self.drives))
+    @classmethod
+    def given(cls, drives: ArrayLike) -> Self:
+        """The measure for such stiffnesses [N/m or N m/rad]. Raises ``ClosureError``."""
+        return cls(tuple(real_array(drives, "stiffness").ravel().tolist()))
+
+    def compliance(self, mechanism: Mechanism, postures: np.ndarray) -> np.ndarray:
+        """Displacement by force (n,) [m/N] in the softest direction, infinite where singular."""
+        one_for_all = len(self.drives) == 1
+        drives = self.drives * len(mechanism.inputs) if one_for_all else self.drives
+        k = drive_stiffness(mechanism, drives)
         t = twist_maps(mechanism, postures)[:, :3] / np.sqrt(k)
         return _of_finite(t, lambda s: s[:, 0] ** 2, np.inf)
 
 
 @dataclass(frozen=True)
-class TipStiffness:
+class TipCompliance(OfDrives):
+    """Largest displacement of the tip's origin for unit force, any direction."""
+
+    unit = "m/N"
+    __name__ = "largest_compliance"
+
+    def __call__(self, mechanism: Mechanism, postures: np.ndarray) -> np.ndarray:
+        """Values (n,) [m/N], infinite at direct singularities."""
+        return self.compliance(mechanism, postures)
+
+
+@dataclass(frozen=True)
+class TipStiffness(OfDrives):
     """Least force that moves the tip's origin by a unit, any direction."""
 
-    drives: tuple[float, ...]
     unit = "N/m"
     __name__ = "least_stiffness"
 
     def __call__(self, mechanism: Mechanism, postures: np.ndarray) -> np.ndarray:
         """Values (n,) [N/m], zero at direct singularities."""
         with np.errstate(divide="ignore"):
-            return np.asarray(1.0 / TipCompliance(self.drives)(mechanism, postures))
+            return np.asarray(1.0 / self.compliance(mechanism, postures))
 
 
 def largest_compliance(drives: ArrayLike) -> TipCompliance:
@@ -194,7 +219,7 @@ def largest_compliance(drives: ArrayLike) -> TipCompliance:
     >>> print((gives(m, m.home[None]) * 1e6).round(2))  # [um/N]
     [35.]
     """
-    return TipCompliance(_numbers(drives))
+    return TipCompliance.given(drives)
 
 
 def least_stiffness(drives: ArrayLike) -> TipStiffness:
@@ -212,7 +237,7 @@ def least_stiffness(drives: ArrayLike) -> TipStiffness:
     >>> print((holds(m, m.home[None]) * 1e-6).round(4))  # [N/um]
     [0.0286]
     """
-    return TipStiffness(_numbers(drives))
+    return TipStiffness.given(drives)
 
 
 NAMED: Mapping[str, TipMeasure] = MappingProxyType(
@@ -268,11 +293,3 @@ def _of_finite(
         with np.errstate(divide="ignore"):
             found[there] = value(np.linalg.svd(t[there], compute_uv=False))
     return found
-
-
-def _numbers(drives: ArrayLike) -> tuple[float, ...]:
-    return tuple(np.array(drives, dtype=float).ravel().tolist())
-
-
-def _spread(mechanism: Mechanism, drives: tuple[float, ...]) -> tuple[float, ...]:
-    return drives * len(mechanism.inputs) if len(drives) == 1 else drives

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from closedchain.analysis.motion.track.tracking import track
-from closedchain.closure.mechanism import LARGEST_NUMBER, Mechanism
+from closedchain.closure.given import finite_number
+from closedchain.closure.mechanism import Mechanism
 from closedchain.closure.nearest import beyond_limits, limit_note
 from closedchain.closure.position import direct
 from closedchain.closure.solution import Solution
@@ -133,18 +134,8 @@ def _wanted(mechanism: Mechanism, values: Mapping[str, float], now: np.ndarray) 
         if i in given:
             raise ClosureError(f"{given[i]} and {name} are the same driven joint")
         given[i] = name
-        wanted[i] = _number(value, name, mechanism.input_units[i])
+        wanted[i] = finite_number(value, f"the value of {name}", mechanism.input_units[i])
     return wanted
-
-
-def _number(value: float, name: str, unit: str) -> float:
-    number = np.asarray(value)
-    if number.ndim or number.dtype.kind not in "iuf" or not abs(number) <= LARGEST_NUMBER:
-        raise ClosureError(
-            f"the value of {name} must be a number [{unit}] of {LARGEST_NUMBER:g} at most, got "
-            f"{value!r}"
-        )
-    return float(number)
 
 
 def _stopped(

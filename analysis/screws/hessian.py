@@ -20,7 +20,8 @@ from numpy.typing import ArrayLike
 from closedchain.analysis.screws import shifted
 from closedchain.analysis.screws.accelerators import lie_form
 from closedchain.analysis.screws.chains import circuits
-from closedchain.closure.mechanism import Mechanism, finite_vector
+from closedchain.closure.given import finite_vector
+from closedchain.closure.mechanism import Mechanism
 from closedchain.closure.ranks import Rank
 from closedchain.urdf.errors import ClosureError
 

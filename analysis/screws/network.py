@@ -35,7 +35,8 @@ from closedchain.analysis.screws.circuit_matrix import (
 from closedchain.analysis.structure.graph import short_cycles
 from closedchain.analysis.structure.loops import Loop, LoopGraph, Pair, as_loop, loops
 from closedchain.analysis.structure.pair_screws import PairScrews, pair_screws
-from closedchain.closure.mechanism import Mechanism, finite_vector
+from closedchain.closure.given import finite_vector
+from closedchain.closure.mechanism import Mechanism
 from closedchain.closure.ranks import RANK_TOLERANCE, Rank, null_space, numerical_rank
 from closedchain.urdf.errors import ClosureError, known_names
 

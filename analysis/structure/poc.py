@@ -19,9 +19,10 @@ from numpy.typing import ArrayLike
 
 from closedchain.analysis.screws.twists import TwistSpace, rank_against, symbol, twist_space
 from closedchain.analysis.structure.postures import tangent, wander
-from closedchain.closure.mechanism import Mechanism, TaskFrame
+from closedchain.closure.mechanism import Mechanism
 from closedchain.closure.ranks import Rank
 from closedchain.closure.task import task_jacobian
+from closedchain.closure.task_frame import TaskFrame
 from closedchain.urdf.description import OUTPUTS
 
 POSTURES = 12

@@ -26,8 +26,8 @@ from closedchain.analysis.symbolic.ring import (
 )
 from closedchain.analysis.symbolic.spaces import Point, pairing, swapped
 from closedchain.analysis.symbolic.walk import Slide, Step, Walked, angles_of, walk
-from closedchain.closure.mechanism import TaskFrame
 from closedchain.closure.ranks import numerical_rank
+from closedchain.closure.task_frame import TaskFrame
 from closedchain.urdf.errors import ClosureError
 
 Walk = list[tuple[int, int]]

@@ -17,6 +17,9 @@ from closedchain.closure.tape.expression import Tape
 from closedchain.closure.tape.js_text import JAVASCRIPT
 from closedchain.closure.tape.printing import as_numbers, indented, repeated, statements
 
+CLASSIFYING = ("algebra.js", "nearest.js", "deciding.js")
+"""Files of what `classify` needs, after the parts of every program."""
+
 MOST_STEPS = 20_000
 """Steps of Newton's method that a call may take."""
 
@@ -47,7 +50,8 @@ class JsProgram:
         wanted = {"ALWAYS": True, "DIRECT": p.direct is not None}
         wanted |= {"INVERSE": p.inverse is not None, "MEASURE": p.measured}
         parts += [text for key, text in blocks("program.js") if wanted[key]]
-        return "\n".join([*parts, *([resource("deciding.js")] if p.measured else [])])
+        parts += [resource(name) for name in CLASSIFYING if p.measured]
+        return "\n".join(parts)
 
     def _head(self) -> str:
         return """\

@@ -22,10 +22,11 @@ from closedchain.closure.solve.control import Precision
 from closedchain.closure.solve.outcome import Ending
 from closedchain.closure.solve.problem import problem_of
 from closedchain.closure.solve.step_tapes import StepTapes
+from closedchain.closure.tape.bodies import Entries
 from closedchain.closure.tape.elimination import parity
 from closedchain.closure.tape.expression import Expr, Tape
 from closedchain.closure.tape.rates import physical_rates
-from closedchain.closure.tape.rows import Entries, Kinematics, kinematics
+from closedchain.closure.tape.rows import Kinematics, kinematics
 from closedchain.closure.tape.slopes import slopes_of_product
 from closedchain.urdf.description import OUTPUTS
 

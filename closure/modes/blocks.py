@@ -11,20 +11,27 @@ from functools import cached_property
 
 import numpy as np
 
-from closedchain.closure.modes.complex_equations import ComplexEquations, normalised
-from closedchain.closure.modes.newton_steps import NewtonSteps, newton_steps
+from closedchain.closure.modes.complex_equations import ComplexEquations
+from closedchain.closure.modes.path_control import BOUND
+from closedchain.closure.modes.paths import Paths
 from closedchain.closure.modes.places import random_place, random_postures
-from closedchain.closure.solve.problem import POSE
+from closedchain.closure.modes.systems import (
+    Linear,
+    Numbers,
+    System,
+    quaternions_of_targets,
+    sizes,
+    solved,
+)
 from closedchain.closure.solve.square_systems import solutions
+from closedchain.closure.tape.expression import Graph
+from closedchain.closure.tape.rows import Kinematics
 
 SAMPLES = 6
 """Postures, real and as many complex ones, at which the order of elimination is chosen."""
 
 TRIED, TRIALS, SETTLED = 24, 40, 1e-8
 """Random postures that Newton's method tries to close for that, its steps, and a small one."""
-
-BOUND = 0.7
-"""Longest step of Newton's method from afar, relative."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,12 +61,33 @@ class Block:
         return self.equations.moved(q, whole)
 
     @cached_property
-    def newton(self) -> NewtonSteps:
-        """Newton's steps, as machine code."""
+    def paths(self) -> Paths:
+        """What follows solutions of the block."""
+        return Paths(self.system)
+
+    @cached_property
+    def system(self) -> System:
+        """The block's equations for paths.
+
+        Raises
+        ------
+        ArithmeticError
+            The rows are dependent at the samples.
+        """
         problem = self.equations.problem
-        return newton_steps(
-            problem, self.rows, self.columns, self._samples(), self.newton_by_lapack
-        )
+        g, nq = Graph(), problem.mechanism.model.nq
+        k = Kinematics(problem.mechanism, g, g.inputs(0, nq), upright=False)
+        every = problem.rows(k, g.inputs(nq, problem.prescribed))
+        chosen = [problem.kept[r] for r in self.rows]
+        unknown = [problem.free[c] for c in self.columns]
+        entries = [{v: e for v, e in every.entries[r].items() if v in unknown} for r in chosen]
+        linear = Linear([every.values[r] for r in chosen], entries, unknown)
+        step, guard = solved(g, linear, self._samples())
+        moved = k.moved(k.q, step)
+        out = [*(moved[i] for i in self.own), *(step[v] for v in unknown), *guard]
+        tape = g.tape(out, nq + problem.prescribed)
+        slow = self.newton_by_lapack
+        return System(self.numbers, problem.prescribed, tape, self.relative, slow)
 
     def _samples(self) -> np.ndarray:
         """Closed postures and what they meet (nq + prescribed, n), real and complex ones.
@@ -73,7 +101,7 @@ class Block:
         size = np.full(TRIED, np.inf)
         for _ in range(TRIALS):
             _, step = self.newton_by_lapack(q, targets)
-            size = self.size(q, step)
+            size = sizes(self.relative, q, step)
             step *= (BOUND / np.maximum(size, BOUND))[:, None]
             q = self.moved(q, step)
         closed = np.flatnonzero(size < SETTLED)[:SAMPLES]
@@ -88,70 +116,46 @@ class Block:
         return self.moved(q, step), step
 
     @cached_property
-    def lengths(self) -> tuple[np.ndarray, np.ndarray]:
-        """Unknowns that are lengths: positions among the columns, and their numbers of q."""
+    def relative(self) -> dict[int, tuple[int, float]]:
+        """Columns whose unknowns are lengths: their numbers of q, and the characteristic length."""
         problem = self.equations.problem
         m, model = problem.mechanism, problem.mechanism.model
         number = {}
         for j in range(1, model.njoints):
             for k in range(3 if model.nvs[j] == 6 else 1):
                 if m.translational[model.idx_vs[j] + k]:
-                    number[model.idx_vs[j] + k] = model.idx_qs[j] + k
+                    number[model.idx_vs[j] + k] = int(model.idx_qs[j]) + k
         v = [problem.free[c] for c in self.columns]
-        at = [i for i, one in enumerate(v) if one in number]
-        return np.array(at, dtype=int), np.array([number[v[i]] for i in at], dtype=int)
-
-    def settle(self, q: np.ndarray, targets: np.ndarray) -> None:
-        """Write into postures (n, nq) the joints that targets pin; unit quaternions everywhere."""
-        problem = self.equations.problem
-        pins = len(problem.pinned)
-        for i in range(len(problem.goals)):
-            at = slice(pins + POSE * i + 3, pins + POSE * (i + 1))
-            targets[:, at] = normalised(targets[:, at])
-        q[:, problem.pinned_q] = targets[:, :pins]
-        model = problem.mechanism.model
-        for j in range(1, model.njoints):
-            if model.nqs[j] == 7:
-                at = slice(model.idx_qs[j] + 3, model.idx_qs[j] + 7)
-                q[:, at] = normalised(q[:, at])
-
-    def far(self, q: np.ndarray, length: float, high: float) -> np.ndarray:
-        """Which postures (n, nq) have lengths, or imaginary parts of angles, beyond bounds, (n,).
-
-        Lengths are dimensionless.
-        """
-        part = q[:, self.own]
-        lengths, angles, others = self._kinds
-        found = ~np.isfinite(part).all(axis=1)
-        unit = self.equations.problem.mechanism.length
-        found |= (np.abs(part[:, lengths]) > length * unit).any(axis=1)
-        found |= (np.abs(part[:, angles].imag) > high).any(axis=1)
-        found |= (np.abs(part[:, others]) > length).any(axis=1)
-        return np.asarray(found)
+        return {i: (number[one], m.length) for i, one in enumerate(v) if one in number}
 
     @cached_property
-    def _kinds(self) -> tuple[np.ndarray, ...]:
-        """Which of the block's numbers are lengths, angles, and parts of quaternions."""
-        m = self.equations.problem.mechanism
-        model = m.model
+    def numbers(self) -> Numbers:
+        """What the numbers of its postures are."""
+        problem = self.equations.problem
+        m, model = problem.mechanism, problem.mechanism.model
         kind = np.zeros(model.nq, dtype=int)
+        turns = []
         for j in range(1, model.njoints):
-            first = model.idx_qs[j]
+            first = int(model.idx_qs[j])
             if model.nqs[j] == 1:
                 kind[first] = 0 if m.translational[model.idx_vs[j]] else 1
             else:
+                turns.append(first + 3)
                 kind[first + 3 : first + 7] = 2
-        return tuple(np.flatnonzero(kind[self.own] == k) for k in range(3))
-
-    def size(self, q: np.ndarray, step: np.ndarray) -> np.ndarray:
-        """Largest component (n,) of steps (n, k), of lengths relative to those that are long."""
-        sizes = np.abs(step)
-        at, number = self.lengths
-        length = self.equations.problem.mechanism.length
-        sizes[:, at] /= 1.0 + np.abs(q[:, number]) / length
-        found = sizes.max(axis=1, initial=0.0)
-        found[~np.isfinite(found)] = np.inf
-        return np.asarray(found)
+        lengths, angles, others = (
+            tuple(int(i) for i in self.own if kind[i] == wanted) for wanted in range(3)
+        )
+        return Numbers(
+            count=model.nq,
+            own=self.own,
+            unit=m.length,
+            lengths=lengths,
+            angles=angles,
+            others=others,
+            turns=tuple(turns),
+            pinned=tuple(int(i) for i in problem.pinned_q),
+            poses=quaternions_of_targets(len(problem.pinned), len(problem.goals)),
+        )
 
 
 def blocks_of(equations: ComplexEquations) -> list[Block]:

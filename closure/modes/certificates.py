@@ -26,6 +26,9 @@ from closedchain.closure.tape.rows import Kinematics
 RADII = (1e-10, 1e-8, 1e-6, 1e-4)
 """Half the sides of the boxes that are tried, dimensionless, the smallest first."""
 
+TINY = 1e-290
+"""More than what products can lose below the smallest numbers."""
+
 
 @dataclass(frozen=True, eq=False)
 class Certificates:
@@ -50,8 +53,8 @@ class Proving:
     problem: Problem
 
     @cached_property
-    def tape(self) -> Tape:
-        """Inputs: posture, step, targets. Outputs: rows, then their derivatives by each step."""
+    def tapes(self) -> tuple[Tape, Tape]:
+        """Inputs: posture, step, targets. Outputs: rows; their derivatives by each step."""
         problem, nq, size = self.problem, self.problem.mechanism.model.nq, len(self.problem.free)
         g = Graph()
         first = Kinematics(problem.mechanism, g, g.inputs(0, nq), upright=False)
@@ -60,21 +63,30 @@ class Proving:
         k = Kinematics(problem.mechanism, g, q, upright=False)
         rows = problem.rows(k, g.inputs(nq + size, problem.prescribed))
         values = [rows.values[r] for r in problem.kept]
-        out = list(values)
-        for i in range(size):
-            out += forward(g, values, {nq + i: 1.0})
-        return g.tape(out, nq + size + problem.prescribed)
+        slopes = [x for i in range(size) for x in forward(g, values, {nq + i: 1.0})]
+        inputs = nq + size + problem.prescribed
+        return g.tape(values, inputs), g.tape(slopes, inputs)
 
-    def at(
-        self, q: np.ndarray, step: list[Interval], targets: np.ndarray
-    ) -> tuple[list[Interval], list[list[Interval]]]:
-        """Rows, and derivatives by each unknown, over boxes of steps from postures (n, nq)."""
-        given = [interval(x) for x in q.T]
-        wanted = [interval(x) for x in targets.T]
-        found = evaluate(self.tape, [*given, *step, *wanted])
-        r = len(self.problem.kept)
-        columns = [found[r * (i + 1) : r * (i + 2)] for i in range(len(self.problem.free))]
-        return found[:r], columns
+    def rows(self, q: np.ndarray, targets: np.ndarray) -> list[Interval]:
+        """Rows at postures (n, nq)."""
+        zero = [interval(np.zeros(len(q)))] * len(self.problem.free)
+        given = [*(interval(x) for x in q.T), *zero, *(interval(x) for x in targets.T)]
+        found: list[Interval] = evaluate(self.tapes[0], given)
+        return found
+
+    def middle(self, q: np.ndarray, targets: np.ndarray) -> np.ndarray:
+        """Derivatives (n, rows, unknowns) at postures (n, nq), as rounding leaves them."""
+        n, size = len(q), len(self.problem.free)
+        found = evaluate(self.tapes[1], [*q.T, *[np.zeros(n)] * size, *targets.T])
+        columns = np.array([np.broadcast_to(x, (n,)) for x in found])
+        return columns.reshape(size, -1, n).transpose(2, 1, 0)
+
+    def slopes(self, q: np.ndarray, r: float, targets: np.ndarray) -> list[Interval]:
+        """Derivatives by each unknown, over boxes of half side ``r`` around postures (n, nq)."""
+        box = [Interval(np.full(len(q), -r), np.full(len(q), r))] * len(self.problem.free)
+        given = [*(interval(x) for x in q.T), *box, *(interval(x) for x in targets.T)]
+        found: list[Interval] = evaluate(self.tapes[1], given)
+        return found
 
 
 def certified(problem: Problem, q: np.ndarray, targets: np.ndarray) -> Certificates:
@@ -98,49 +110,48 @@ def certified(problem: Problem, q: np.ndarray, targets: np.ndarray) -> Certifica
 def _contracts(proving: Proving, q: np.ndarray, targets: np.ndarray, r: float) -> np.ndarray:
     """Whether Krawczyk's operator maps boxes of half side ``r`` into their inside, (n,) of bool."""
     n, size = len(q), len(proving.problem.free)
-    zero = [interval(np.zeros(n))] * size
-    box = [Interval(np.full(n, -r), np.full(n, r))] * size
-    values, slopes = proving.at(q, zero, targets)
-    middle = np.array([[_whole(e, n).middle for e in column] for column in slopes])
-    jacobian = middle.transpose(2, 1, 0)  # (n, rows, unknowns)
+    jacobian = proving.middle(q, targets)
     inverse = np.full_like(jacobian, np.nan)
     for i in range(n):
         try:
             inverse[i] = np.linalg.inv(jacobian[i])
         except np.linalg.LinAlgError:
             continue
-    c = inverse.transpose(1, 2, 0)  # (unknowns, rows, n)
-    _, wide = proving.at(q, box, targets)
-    f = _stacked(values, n)
-    lead = _matrix_times(c, f[0][:, None], f[1][:, None])
-    j = _stacked([e for column in wide for e in column], n)
-    low = j[0].reshape(size, size, n).transpose(1, 0, 2)
-    high = j[1].reshape(size, size, n).transpose(1, 0, 2)
-    product = _matrix_times(c, low, high)
-    eye = np.eye(size)[:, :, None]
+    lead = times(inverse, _stacked(proving.rows(q, targets), (n, size, 1)))
+    product = times(inverse, _stacked(proving.slopes(q, r, targets), (n, size, size)))
+    eye = np.eye(size)
     rest = outward(eye - product.high, eye - product.low)
     # |1 - C F'| times the half side, rounded up
-    spread = np.zeros((size, n))
+    spread = np.zeros((n, size))
     for k in range(size):
-        spread = np.nextafter(spread + np.nextafter(rest.size[:, k] * r, np.inf), np.inf)
-    reach = np.nextafter(lead.size[:, 0] + spread, np.inf)
-    return np.asarray((reach < r).all(axis=0))
+        spread = np.nextafter(spread + np.nextafter(rest.size[..., k] * r, np.inf), np.inf)
+    reach = np.nextafter(lead.size[..., 0] + spread, np.inf)
+    return np.asarray((reach < r).all(axis=1))
 
 
-def _whole(x: Interval, n: int) -> Interval:
-    """The same for all boxes, where an entry does not depend on them."""
-    return Interval(np.broadcast_to(x.low, (n,)), np.broadcast_to(x.high, (n,)))
+def _stacked(numbers: list[Interval], shape: tuple[int, int, int]) -> Interval:
+    """Matrices (n, rows, columns) of intervals from their entries, column after column."""
+    n, rows, columns = shape
+    bounds = []
+    for side in ("low", "high"):
+        every = np.array([np.broadcast_to(getattr(x, side), (n,)) for x in numbers])
+        bounds.append(every.reshape(columns, rows, n).transpose(2, 1, 0))
+    return Interval(*bounds)
 
 
-def _stacked(numbers: list[Interval], n: int) -> tuple[np.ndarray, np.ndarray]:
-    whole = [_whole(x, n) for x in numbers]
-    return np.array([x.low for x in whole]), np.array([x.high for x in whole])
+def times(c: np.ndarray, m: Interval) -> Interval:
+    """Matrices C (n, a, k) of exact numbers times matrices of intervals (n, k, b).
 
+    By middles and radii [Rump1999]_: whatever the order of additions, k products and their sum are
+    off by less than k eps, eps twice the unit of rounding, times the sum of absolute values.
 
-def _matrix_times(c: np.ndarray, low: np.ndarray, high: np.ndarray) -> Interval:
-    """C (a, b, n) of exact numbers times intervals (b, m, n)."""
-    zeros = np.zeros((c.shape[0], low.shape[1], c.shape[2]))
-    found = Interval(zeros, zeros)
-    for k in range(c.shape[1]):
-        found = found + interval(c[:, k, None]) * Interval(low[k][None], high[k][None])
-    return found
+    [Rump1999]_ S. M. Rump, Fast and parallel interval arithmetic, BIT 39, 1999.
+    """
+    share = (c.shape[2] + 4) * np.finfo(float).eps
+    with np.errstate(invalid="ignore", over="ignore"):
+        middle = m.middle
+        radius = np.nextafter(np.maximum(m.high - middle, middle - m.low), np.inf)
+        size = np.abs(c)
+        product = c @ middle
+        bound = (size @ radius + share * (size @ np.abs(middle))) * (1.0 + share) + TINY
+        return outward(product - bound, product + bound)

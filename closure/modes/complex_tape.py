@@ -1,11 +1,8 @@
-"""A tape on complex numbers as machine code: real and imaginary parts, written out.
-
-Angles may be complex: their cosine and sine are formed by numpy and go in as numbers of their own,
-so that all that is left is arithmetic.
-"""
+"""Tapes on complex numbers: real and imaginary parts, written out."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,45 +10,40 @@ import numpy as np
 from closedchain.closure.tape.expression import Expr, Graph, Tape
 from closedchain.closure.tape.machine import Compiled, compiled
 
+Parts = tuple[Expr, Expr]
+"""Real and imaginary part."""
+
+HIGHEST = 32.0
+"""Imaginary parts of angles beyond are taken for it: cosine and sine would leave the numbers."""
+
+HALVINGS, TERMS = 6, 14
+"""Of the exponential: its argument is halved so often, its series has so many terms."""
+
 
 @dataclass(frozen=True, eq=False)
 class ComplexTape:
-    """A tape of ``inputs`` complex numbers.
-
-    Attributes
-    ----------
-    turned : tuple of int
-        Inputs whose cosine and sine are wanted.
-    code : Compiled
-        Parts of the inputs, then parts of these cosines and sines; parts of the outputs.
-    """
+    """A tape of ``inputs`` complex numbers as machine code on their parts."""
 
     inputs: int
-    turned: tuple[int, ...]
     code: Compiled
 
     def run(self, x: np.ndarray) -> np.ndarray:
         """Outputs (outputs, n) for inputs (inputs, n), complex."""
-        first, count = 2 * self.inputs, len(self.turned)
-        parts = np.empty((first + 4 * count, x.shape[1]))
-        parts[0:first:2], parts[1:first:2] = x.real, x.imag
-        if count:
-            at = 2 * np.array(self.turned)
-            cosine, sine = np.cos(parts[at]), np.sin(parts[at])
-            grown = np.exp(parts[at + 1])
-            shrunk = 1.0 / grown
-            even, odd = 0.5 * (grown + shrunk), 0.5 * (grown - shrunk)
-            parts[first : first + 2 * count : 2] = cosine * even
-            parts[first + 1 : first + 2 * count : 2] = -(sine * odd)
-            parts[first + 2 * count :: 2] = sine * even
-            parts[first + 2 * count + 1 :: 2] = cosine * odd
-        found = self.code.run(parts)
-        out = np.empty((len(found) // 2, x.shape[1]), dtype=complex)
-        out.real, out.imag = found[0::2], found[1::2]
-        return out
+        return joined(self.code.run(parted(x)))
 
 
-Parts = tuple[Expr, Expr]
+def parted(x: np.ndarray) -> np.ndarray:
+    """Parts (2 k, n) of complex numbers (k, n), one after the other."""
+    parts = np.empty((2 * len(x), x.shape[1]))
+    parts[0::2], parts[1::2] = x.real, x.imag
+    return parts
+
+
+def joined(parts: np.ndarray) -> np.ndarray:
+    """Complex numbers (k, n) of parts (2 k, n)."""
+    found = np.empty((len(parts) // 2, parts.shape[1]), dtype=complex)
+    found.real, found.imag = parts[0::2], parts[1::2]
+    return found
 
 
 def complex_tape(tape: Tape) -> ComplexTape:
@@ -60,38 +52,37 @@ def complex_tape(tape: Tape) -> ComplexTape:
     Raises
     ------
     TypeError
-        Where the tape compares, or turns by what is no input.
+        Where the tape compares.
     """
-    turned = tuple(
-        sorted(
-            {
-                tape.nodes[node[1]][1]
-                for node in tape.nodes
-                if node[0] in ("sin", "cos") and tape.nodes[node[1]][0] == "input"
-            }
-        )
-    )
     g = Graph()
-    total = tape.inputs + 2 * len(turned)
-    given = [(g.input(2 * i), g.input(2 * i + 1)) for i in range(total)]
+    found = on_complex(g, tape, complex_inputs(g, 0, tape.inputs))
+    code = compiled(g.tape([x for parts in found for x in parts], 2 * tape.inputs), single=False)
+    return ComplexTape(tape.inputs, code)
+
+
+def complex_inputs(g: Graph, begin: int, count: int) -> list[Parts]:
+    """Complex numbers from inputs: ``count`` of them, their parts from input ``begin`` on."""
+    return [(g.input(begin + 2 * i), g.input(begin + 2 * i + 1)) for i in range(count)]
+
+
+def on_complex(g: Graph, tape: Tape, given: Sequence[Parts]) -> list[Parts]:
+    """Outputs of a tape for complex inputs, in a graph.
+
+    Raises
+    ------
+    TypeError
+        Where the tape compares.
+    """
     zero = g.constant(0.0)
     values: list[Parts] = []
-    for node in tape.nodes:
-        op = node[0]
+    for op, *rest in tape.nodes:
         if op == "const":
-            values.append((g.constant(node[1]), zero))
+            values.append((g.constant(rest[0]), zero))
         elif op == "input":
-            values.append(given[node[1]])
-        elif op in ("sin", "cos"):
-            if tape.nodes[node[1]][0] != "input":
-                raise TypeError(f"complex numbers: {op} of what is no input")
-            place = turned.index(tape.nodes[node[1]][1])
-            first = tape.inputs + (len(turned) if op == "sin" else 0)
-            values.append(given[first + place])
+            values.append(given[rest[0]])
         else:
-            values.append(_operation(op, *(values[i] for i in node[1:])))
-    out = [part for i in tape.outputs for part in values[i]]
-    return ComplexTape(tape.inputs, turned, compiled(g.tape(out, 2 * total), single=False))
+            values.append(_operation(op, *(values[i] for i in rest)))
+    return [values[i] for i in tape.outputs]
 
 
 def _operation(op: str, a: Parts, b: Parts | None = None) -> Parts:
@@ -99,24 +90,50 @@ def _operation(op: str, a: Parts, b: Parts | None = None) -> Parts:
     if op == "neg":
         return -a[0], -a[1]
     if op == "recip":
-        size = (a[0] * a[0] + a[1] * a[1]).recip()
+        size = squared(a).recip()
         return a[0] * size, -(a[1] * size)
     if op == "sqrt":
-        return _root(a)
+        return root(a)
+    if op in ("sin", "cos"):
+        grown = exponential(a[1].max(-HIGHEST).min(HIGHEST))
+        shrunk = grown.recip()
+        even, odd = 0.5 * (grown + shrunk), 0.5 * (grown - shrunk)
+        cosine, sine = a[0].cos(), a[0].sin()
+        return (sine * even, cosine * odd) if op == "sin" else (cosine * even, -(sine * odd))
     if b is None or op not in ("add", "sub", "mul"):
         raise TypeError(f"complex numbers have no {op}")
     if op == "add":
         return a[0] + b[0], a[1] + b[1]
     if op == "sub":
         return a[0] - b[0], a[1] - b[1]
+    return product(a, b)
+
+
+def product(a: Parts, b: Parts) -> Parts:
+    """Of two complex numbers."""
     return a[0] * b[0] - a[1] * b[1], a[0] * b[1] + a[1] * b[0]
 
 
-def _root(a: Parts) -> Parts:
+def squared(a: Parts) -> Expr:
+    """Square of the modulus."""
+    return a[0] * a[0] + a[1] * a[1]
+
+
+def root(a: Parts) -> Parts:
     """Square root with a positive real part; its smaller part keeps its digits, too."""
-    size = (a[0] * a[0] + a[1] * a[1]).sqrt()
-    large = (0.5 * (size + abs(a[0]))).max(1e-300).sqrt()
+    large = (0.5 * (squared(a).sqrt() + abs(a[0]))).sqrt()
     small = 0.5 * a[1] * large.recip()
     left = a[0] < 0.0
     imaginary = (a[1] < 0.0).select(-large, large)
     return left.select(abs(small), large), left.select(imaginary, small)
+
+
+def exponential(x: Expr) -> Expr:
+    """e to the power of a number of at most ``HIGHEST`` in size."""
+    y = x * 0.5**HALVINGS
+    found = x.graph.constant(1.0)
+    for k in range(TERMS, 0, -1):
+        found = 1.0 + found * (y * (1.0 / k))
+    for _ in range(HALVINGS):
+        found = found * found
+    return found

@@ -17,13 +17,12 @@ from closedchain.closure.modes.blocks import Block, blocks_of
 from closedchain.closure.modes.complex_equations import equations_of
 from closedchain.closure.modes.loops import merged
 from closedchain.closure.modes.monodromy import Generic, generic_solutions
-from closedchain.closure.modes.paths import track
 from closedchain.closure.modes.places import Place, random_place
 from closedchain.closure.modes.shapes import Shapes, groups
 from closedchain.closure.solve.problem import Problem
 from closedchain.closure.tape import cache
 
-FORMAT = "generic solutions 4"
+FORMAT = "generic solutions 5"
 DETOURS = 3  # other ways for paths that were lost
 TOGETHER = 512  # paths that are followed together
 
@@ -55,6 +54,11 @@ class Counted:
     infinite: int
     lost: int
     singular: np.ndarray
+
+    @property
+    def settled(self) -> bool:
+        """Whether the count leaves nothing open."""
+        return self.known and not self.lost
 
 
 def counted(
@@ -112,10 +116,11 @@ def _followed(
         around = [generic.place, random_place(block.equations.problem, rng)]
         other = _route(block, shapes, around, generic.q, targets, q)
         found = merged(shapes.of, best.q, other.q)
-        ends = best.ends if len(best.ends) >= len(other.ends) else other.ends
-        infinite = min(best.infinite, other.infinite, wanted - len(found))
-        lost = wanted - len(found) - infinite
-        best = _Followed(found, infinite, lost, ends[:lost])
+        # what one way has lost, or taken for infinite, another may have found
+        left = wanted - len(found)
+        kept = min(best, other, key=lambda way: (left - min(way.infinite, left), way.infinite))
+        infinite = min(kept.infinite, left)
+        best = _Followed(found, infinite, left - infinite, kept.ends[: left - infinite])
     return best
 
 
@@ -129,7 +134,7 @@ def _route(
 ) -> _Followed:
     """Ends of the paths from solutions through places to the targets."""
     for one, two in pairwise(places):
-        arrived = track(block, one, two, starts)
+        arrived = block.paths.track(one, two, starts)
         starts = arrived.q[arrived.good]
     every = np.repeat(starts[None], len(q), axis=0).reshape(-1, q.shape[1])
     given = np.repeat(q, len(starts), axis=0)
@@ -137,7 +142,7 @@ def _route(
     for begin in range(0, len(every), TOGETHER):
         part = slice(begin, begin + TOGETHER)
         end = Place(targets.astype(complex), given[part])
-        arrived = track(block, places[-1], end, every[part])
+        arrived = block.paths.track(places[-1], end, every[part])
         found.append(arrived.q[arrived.good])
         ends.append(arrived.q[~arrived.good & ~arrived.infinite])
         infinite += int(arrived.infinite.sum())

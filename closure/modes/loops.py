@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from closedchain.closure.modes.paths import Arrived, Tracked, track
+from closedchain.closure.modes.paths import Arrived, Paths
 from closedchain.closure.modes.places import Place
 from closedchain.closure.modes.shapes import groups
 
@@ -16,7 +16,7 @@ Telling = Callable[[np.ndarray], np.ndarray]
 
 
 def closed_under(
-    system: Tracked,
+    paths: Paths,
     telling: Telling,
     ways: Sequence[Sequence[Place]],
     q: np.ndarray,
@@ -32,7 +32,7 @@ def closed_under(
     while gone < len(q) <= most:
         tell(len(q))
         begin, gone = gone, len(q)
-        ends = _gone(system, ways, q[begin:])
+        ends = _gone(paths, ways, q[begin:])
         q = merged(telling, q, ends.q[ends.good])
     return q
 
@@ -45,30 +45,30 @@ def merged(telling: Telling, known: np.ndarray, more: np.ndarray) -> np.ndarray:
 
 
 def carried(
-    system: Tracked, telling: Telling, one: Place, others: Sequence[Place], q: np.ndarray
+    paths: Paths, telling: Telling, one: Place, others: Sequence[Place], q: np.ndarray
 ) -> np.ndarray:
     """Solutions (n, nq) brought to the last of some places.
 
     What is lost straight on the way is tried once more by way of each of the others.
     """
     *between, two = others
-    end = track(system, one, two, q)
+    end = paths.track(one, two, q)
     found, left = merged(telling, q[:0], end.q[end.good]), q[~end.good]
     for middle in between:
         if not len(left):
             break
-        end = _gone(system, [(one, middle, two)], left)
+        end = _gone(paths, [(one, middle, two)], left)
         found, left = merged(telling, found, end.q[end.good]), left[~end.good]
     return found
 
 
-def _gone(system: Tracked, ways: Sequence[Sequence[Place]], q: np.ndarray) -> Arrived:
+def _gone(paths: Paths, ways: Sequence[Sequence[Place]], q: np.ndarray) -> Arrived:
     """Ends of all solutions (n, nq) on all ways, (ways n, nq), one way after the other."""
     every = np.tile(q, (len(ways), 1))
     good = np.ones(len(every), dtype=bool)
     for legs in zip(*(pairwise(way) for way in ways), strict=True):
         one, two = (Place.stacked([leg[k] for leg in legs], len(q)) for k in (0, 1))
         left = np.flatnonzero(good)
-        end = track(system, one.take(left), two.take(left), every[left])
+        end = paths.track(one.take(left), two.take(left), every[left])
         every[left], good[left] = end.q, end.good
     return Arrived(every, good, ~good)

@@ -1,59 +1,43 @@
-"""Many complex paths followed together: predictor and corrector, a step length for each.
+"""Many complex paths followed together, each with a step length of its own, as machine code.
 
-A path moves all that is prescribed of a problem straight from one place to another, through
-complex values, where with probability one nothing is singular before the end.
+A path moves all that is prescribed of a system straight from one place to another, through complex
+values, where with probability one nothing is singular before the end.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from functools import cached_property
 
 import numpy as np
 
-from closedchain.closure.modes.newton_steps import NewtonSteps
+from closedchain.closure.modes.complex_tape import joined, parted
+from closedchain.closure.modes.path_control import (
+    AFAR,
+    ARRIVED,
+    ASKING,
+    LEAST,
+    REST,
+    RUNNING,
+    SCALARS,
+    SHIFT,
+    SLOPE,
+)
+from closedchain.closure.modes.path_tapes import VECTORS, PathTapes
 from closedchain.closure.modes.places import Place
+from closedchain.closure.modes.systems import System, sizes
+from closedchain.closure.tape.interpreter import outputs
+from closedchain.closure.tape.machine import Looped, looped
 
-FIRST, SMALLEST, LARGEST = 0.02, 1e-8, 0.25  # steps along a path
-SHORT = 0.01  # relative: largest first correction of an accepted step
-AIM = 0.003  # the first correction that is aimed at
-CONTRACTION = 0.25
-ITERATIONS = 4
-SOLVED = 1e-10  # relative correction of a solution
-MOST_STEPS = 800
-SHIFT = 1e-6  # of the path parameter: for slopes along it
-FAR = 1e6  # dimensionless: lengths beyond are at infinity
-HIGH = 16.0  # imaginary part of an angle beyond which it is
-ON_THE_WAY = (1e3, 8.0)  # the same for paths that stop
+FIRST = 0.02  # step along a path
+LATE = 0.1  # share of the way that is left
+LARGE = (10.0, 3.0)  # lengths, and imaginary parts of angles, of paths that go to infinity
+GROWTH = (0.03, 10.0)
+"""Between these their logarithms grow, by the logarithm of what is left of the way: as its negative
+power if the end is infinite. Less where it is not, more where infinity is passed on the way."""
 
-
-class Tracked(Protocol):
-    """Square equations whose solutions can be followed.
-
-    ``own`` are the numbers of a posture that are unknown, ``newton`` gives Newton's steps.
-    """
-
-    @property
-    def own(self) -> np.ndarray:
-        """Positions of the unknown numbers."""
-        ...
-
-    @property
-    def newton(self) -> NewtonSteps:
-        """Newton's steps."""
-        ...
-
-    def size(self, q: np.ndarray, step: np.ndarray) -> np.ndarray:
-        """Sizes (n,) of steps (n, k) at postures."""
-        ...
-
-    def settle(self, q: np.ndarray, targets: np.ndarray) -> None:
-        """Write into postures (n, nq) what targets prescribe of them, quaternions of unit size."""
-        ...
-
-    def far(self, q: np.ndarray, length: float, high: float) -> np.ndarray:
-        """Which postures have lengths, or imaginary parts of angles, beyond bounds, (n,)."""
-        ...
+TICKS = 64  # steps of Newton's method before those that have ended are set aside
+MOST = 20_000  # of these for a path
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,117 +49,111 @@ class Arrived:
     infinite: np.ndarray
 
 
-def between(
-    block: Tracked, one: Place, two: Place, q: np.ndarray, t: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Postures with what is prescribed at shares t (n,) of the way set; and the targets there."""
-    s = t[:, None]
-    targets = (1.0 - s) * one.targets + s * two.targets
-    posture = (1.0 - s) * one.given + s * two.given
-    posture[:, block.own] = q[:, block.own]
-    block.settle(posture, targets)
-    return posture, targets
+@dataclass(frozen=True, eq=False)
+class _Ended:
+    """Postures (n, nq), which arrived (n,), shares of the way (n,), slopes there (n, m)."""
+
+    q: np.ndarray
+    good: np.ndarray
+    share: np.ndarray
+    slope: np.ndarray
 
 
-def track(block: Tracked, one: Place, two: Place, q: np.ndarray) -> Arrived:
-    """Follow paths from solutions (n, nq) at one place to another."""
-    n, own = len(q), block.own
-    q = q.astype(complex)
-    t, step = np.zeros(n), np.full(n, FIRST)
-    running = np.ones(n, dtype=bool)
-    good, infinite = np.zeros(n, dtype=bool), np.zeros(n, dtype=bool)
-    here = q[:, own].T.copy().T
-    slope = np.zeros_like(here)
-    before, slope_before, length = here.copy(), np.zeros_like(here), np.zeros(n)
-    fresh = np.ones(n, dtype=bool)
-    for _ in range(MOST_STEPS):
-        i = np.flatnonzero(running)
-        if not i.size:
-            break
-        j = i[fresh[i]]
-        if j.size:
-            slope[j] = _slope(block, one.take(j), two.take(j), q[j], t[j])
-        h = np.minimum(step[i], 1.0 - t[i])
-        end = t[i] + h
-        end[1.0 - end < 1e-14] = 1.0
-        trial = q[i]
-        trial[:, own] = _ahead(
-            here[i], slope[i], before[i], slope_before[i], length[i, None], h[:, None]
-        )
-        trial, solved, first = _corrected(block, one.take(i), two.take(i), trial, end)
-        accepted = solved & (first < SHORT)
-        j = i[accepted]
-        before[j], slope_before[j], length[j] = here[j], slope[j], h[accepted]
-        q[j], t[j] = trial[accepted], end[accepted]
-        here[j] = q[j][:, own]
-        fresh[i] = accepted
-        # the predictor's error grows as the fourth power of the step
-        ratio = (AIM / np.maximum(first[accepted], 1e-9)) ** 0.25
-        step[j] = np.minimum(np.clip(ratio, 0.5, 2.0) * h[accepted], LARGEST)
-        step[i[~accepted]] = 0.4 * h[~accepted]
-        arrived = j[t[j] == 1.0]
-        good[arrived], running[arrived] = True, False
-        lost = block.far(q[i], FAR, HIGH) | (step[i] < SMALLEST)
-        lost &= ~good[i]
-        if lost.any():
-            infinite[i[lost]] = block.far(q[i[lost]], *ON_THE_WAY)
-        running[i[lost]] = False
-    return Arrived(q, good, infinite)
+@dataclass(frozen=True, eq=False)
+class Paths:
+    """Machine code that follows the solutions of a system."""
+
+    system: System
+
+    @cached_property
+    def _tapes(self) -> PathTapes:
+        return PathTapes(self.system)
+
+    @cached_property
+    def _steps(self) -> Looped:
+        return looped(self._tapes.step_tape, self._tapes.states, single=False)
+
+    def track(self, one: Place, two: Place, q: np.ndarray) -> Arrived:
+        """Follow paths from solutions (n, nq) at one place to another."""
+        start = {"step": FIRST, "phase": SLOPE}
+        ended = self._ended(one, two, q.astype(complex), start)
+        numbers, rest = self.system.numbers, 1.0 - ended.share
+        growth = rest * numbers.growth(ended.q, ended.slope)
+        infinite = (rest < LATE) & (growth > GROWTH[0]) & (growth < GROWTH[1])
+        infinite &= ~ended.good & numbers.far(ended.q, *LARGE)
+        return Arrived(ended.q, ended.good, infinite)
+
+    def closed(self, place: Place, q: np.ndarray) -> np.ndarray:
+        """Solutions (m, nq) at a place that bounded Newton steps reach from postures (n, nq)."""
+        start = {"share": 1.0, "phase": AFAR}
+        ended = self._ended(place, place, q.astype(complex), start)
+        return np.asarray(ended.q[ended.good])
+
+    def _ended(self, one: Place, two: Place, q: np.ndarray, start: dict[str, float]) -> _Ended:
+        """Where ways from postures (n, nq) end."""
+        n, own, numbers = len(q), self.system.numbers.own, self.system.numbers
+        state = np.zeros((self._tapes.states, n))
+        state[: 2 * len(own)] = state[2 * len(own) : 4 * len(own)] = parted(q[:, own].T)
+        fresh = {"status": RUNNING, "last": np.inf, **start}
+        for name, value in fresh.items():
+            state[len(state) - len(SCALARS) + SCALARS.index(name)] = value
+        both = [
+            *(_rows(p.targets, n) for p in (one, two)),
+            *(_rows(p.given, n) for p in (one, two)),
+        ]
+        whole = self._run(state, np.concatenate([parted(x) for x in both]))
+        found, _ = numbers.between(one, two, q, np.ones(n))
+        here = dict(zip(SCALARS, whole[-len(SCALARS) :], strict=True))
+        first = 2 * len(own) * VECTORS.index("slope")
+        found[:, own] = joined(whole[: 2 * len(own)]).T
+        slope = joined(whole[first : first + 2 * len(own)]).T
+        return _Ended(found, here["status"] == ARRIVED, here["share"], slope)
+
+    def _run(self, state: np.ndarray, parameters: np.ndarray) -> np.ndarray:
+        """State (states, n) when every path has ended; those that have are set aside meanwhile."""
+        whole, lanes = state.copy(), np.arange(state.shape[1])
+        status = len(state) - len(SCALARS) + SCALARS.index("status")
+        for _ in range(0, MOST, TICKS):
+            self._steps.run(state, parameters, TICKS)
+            asking = np.flatnonzero(state[status] == ASKING)
+            if asking.size:
+                state[:, asking] = self._judged(state[:, asking], parameters[:, asking])
+            on = state[status] < 0.0
+            if not on.all():
+                whole[:, lanes[~on]] = state[:, ~on]
+                lanes = lanes[on]
+                state, parameters = (np.ascontiguousarray(x[:, on]) for x in (state, parameters))
+            if not lanes.size:
+                break
+        whole[:, lanes] = state
+        return whole
+
+    def _judged(self, state: np.ndarray, parameters: np.ndarray) -> np.ndarray:
+        """State (states, n) of paths that ask, after Newton's step by LAPACK."""
+        system, m = self.system, len(self.system.numbers.own)
+        here = dict(zip(SCALARS, state[-len(SCALARS) :], strict=True))
+        sloping = here["phase"] == SLOPE
+        rest = REST * (1.0 - here["share"])
+        beside = np.maximum(SHIFT * here["step"], np.minimum(rest, LEAST))
+        tried = here["share"] + np.where(sloping, beside, here["step"])
+        tried = np.where(sloping | (tried < 1.0 - 1e-14), tried, 1.0)
+        x, y = (joined(state[2 * m * k : 2 * m * (k + 1)]) for k in range(2))
+        p, n = system.prescribed, system.numbers.count
+        parts = joined(parameters)
+        ends = [parts[k * p : (k + 1) * p].T for k in range(2)]
+        given = [parts[2 * p + k * n : 2 * p + (k + 1) * n].T for k in range(2)]
+        one, two = (Place(*place) for place in zip(ends, given, strict=True))
+        q = one.given.copy()
+        q[:, system.numbers.own] = np.where(sloping, x, y).T
+        q, targets = system.numbers.between(one, two, q, tried)
+        assert system.slow is not None, "paths of this system do not ask"
+        moved, step = system.slow(q, targets)
+        own = system.numbers.own
+        told = [parted(q[:, own].T), parted(moved[:, own].T), sizes(system.relative, q, step)[None]]
+        numbers = np.nan_to_num(np.concatenate(told), nan=np.inf)
+        return outputs(self._tapes.judge_tape, np.concatenate([state, numbers]))[:-1]
 
 
-def _ahead(
-    x: np.ndarray,
-    slope: np.ndarray,
-    before: np.ndarray,
-    slope_before: np.ndarray,
-    length: np.ndarray,
-    h: np.ndarray,
-) -> np.ndarray:
-    """Numbers (n, m) a step h ahead, on the cubic through here and the point before.
-
-    Without a point before (length 0) along the slope.
-    """
-    known = length > 0.0
-    size = np.where(known, length, 1.0)
-    mean = (x - before) / size
-    cubic = (slope_before + slope - 2.0 * mean) / (size * size)
-    square = (slope - mean) / size + cubic * size
-    bend = np.where(known, (square + cubic * h) * (h * h), 0.0)
-    return np.asarray(x + h * slope + bend)
-
-
-def _slope(block: Tracked, one: Place, two: Place, q: np.ndarray, t: np.ndarray) -> np.ndarray:
-    """Slopes (n, m) of the block's numbers along paths: Newton's steps from beside them."""
-    n = len(q)
-    shares = np.concatenate([t - SHIFT, t + SHIFT])
-    twice = np.concatenate([np.arange(n)] * 2)
-    here = between(block, one.take(twice), two.take(twice), q[twice], shares)
-    moved, _ = block.newton.at(*here)
-    return np.asarray((moved[n:] - moved[:n]) / (2.0 * SHIFT))
-
-
-def _corrected(
-    block: Tracked, one: Place, two: Place, q: np.ndarray, t: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Newton's method at shares t (n,): postures, which are solved, sizes of first corrections."""
-    q, targets = between(block, one, two, q, t)
-    last = np.full(len(q), np.inf)
-    first = np.full(len(q), np.inf)
-    solved, bad = np.zeros(len(q), dtype=bool), np.zeros(len(q), dtype=bool)
-    for count in range(ITERATIONS):
-        i = np.flatnonzero(~solved & ~bad)
-        if not i.size:
-            break
-        moved, step = block.newton.at(q[i], targets[i])
-        size = block.size(q[i], step)
-        if count == 0:
-            first[i] = size
-        bad[i] = (size > CONTRACTION * last[i]) & (size > SOLVED)
-        bad[i] |= size > SHORT
-        fine = ~bad[i]
-        q[np.ix_(i[fine], block.own)] = moved[fine]
-        last[i] = size
-        solved[i] = fine & (size < SOLVED)
-        # quadratic convergence: the next correction would be below rounding
-        solved[i] |= fine & (size < 1e-6) & (count > 0)
-    return q, solved, first
+def _rows(numbers: np.ndarray, n: int) -> np.ndarray:
+    """Numbers (k,) or (n, k) of one place or many as columns (k, n)."""
+    return np.broadcast_to(numbers, (n, numbers.shape[-1])).T

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from closedchain.closure.modes.blocks import BOUND, Block
-from closedchain.closure.modes.paths import FAR, HIGH, between
+from closedchain.closure.modes.blocks import Block
+from closedchain.closure.modes.path_control import BOUND, CLOSED, FAR, HIGH, NEWTON
 from closedchain.closure.modes.places import Place, random_postures
+from closedchain.closure.modes.systems import sizes
 from closedchain.closure.solve.square_systems import solutions
 
 STARTS = 400  # at once
 ROUNDS = 12
 HITS = 6  # for each solution that is known, before it ends
-NEWTON = 60
-CLOSED = 1e-7
 
 
 def random_solutions(
@@ -39,30 +38,33 @@ def random_solutions(
 
 
 def newton(block: Block, place: Place, q: np.ndarray) -> np.ndarray:
-    """Solutions (m, nq) that Newton's method, with bounded steps, reaches from postures (n, nq)."""
-    q, targets = between(block, place, place, q, np.zeros(len(q)))
+    """Solutions (m, nq) that Newton's method, with bounded steps, reaches from postures (n, nq).
+
+    With more rows than unknowns those of Gauss and Newton, on all.
+    """
+    if not block.also.size:
+        return block.paths.closed(place, q)
+    q, targets = block.numbers.between(place, place, q, np.zeros(len(q)))
     done = np.zeros(len(q), dtype=bool)
     alive = np.ones(len(q), dtype=bool)
-    for _ in range(NEWTON):
+    for _ in range(int(NEWTON)):
         i = np.flatnonzero(alive & ~done)
         if not i.size:
             break
         step = _toward(block, q[i], targets[i])
-        size = block.size(q[i], step)
+        size = sizes(block.relative, q[i], step)
         fine = np.isfinite(size)
         alive[i[~fine]] = False
         i, step, size = i[fine], step[fine], size[fine]
         step *= (BOUND / np.maximum(size, BOUND))[:, None]
         q[i] = block.moved(q[i], step)
         done[i] = size < CLOSED
-        alive[i] &= ~block.far(q[i], FAR, HIGH)
+        alive[i] &= ~block.numbers.far(q[i], FAR, HIGH)
     return np.asarray(q[done])
 
 
 def _toward(block: Block, q: np.ndarray, targets: np.ndarray) -> np.ndarray:
-    """Newton's steps (n, k); with more rows than unknowns those of Gauss and Newton, on all."""
-    if not block.also.size:
-        return block.newton.at(q, targets)[1]
+    """Steps (n, k) of Gauss and Newton."""
     values, jacobian = block.equations.all_rows(q, targets)
     every = np.concatenate([np.array(block.equations.problem.kept)[block.rows], block.also])
     a = jacobian[:, every][:, :, block.columns]

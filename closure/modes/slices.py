@@ -10,18 +10,17 @@ algebraic.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from closedchain.closure.closures import Closure
 from closedchain.closure.modes.blocks import Block
-from closedchain.closure.modes.complex_equations import normalised
-from closedchain.closure.modes.complex_tape import complex_tape
-from closedchain.closure.modes.newton_steps import Linear, NewtonSteps, solved
+from closedchain.closure.modes.paths import Paths
 from closedchain.closure.modes.places import Place
 from closedchain.closure.modes.shapes import numbers_of_shapes
+from closedchain.closure.modes.systems import Linear, System, solved
 from closedchain.closure.solve.problem import POSE
 from closedchain.closure.tape.derivative import forward
 from closedchain.closure.tape.expression import Expr, Graph
@@ -158,8 +157,13 @@ class Slices:
         ]
 
     @cached_property
-    def newton(self) -> NewtonSteps:
-        """Newton's steps, as machine code.
+    def paths(self) -> Paths:
+        """What follows points of slices."""
+        return Paths(self.system)
+
+    @cached_property
+    def system(self) -> System:
+        """The equations for paths.
 
         Raises
         ------
@@ -187,8 +191,19 @@ class Slices:
         step, guard = solved(g, Linear(values, entries, self._unknown), self._samples())
         moved = [*k.moved(k.q, {v: e for v, e in step.items() if v != Z}), z + step[Z]]
         out = [*(moved[i] for i in self.own), *(step[v] for v in self._unknown), *guard]
-        tape = complex_tape(g.tape(out, first + 3 + len(weights)))
-        return NewtonSteps(tape, self.own, len(self._unknown), self._none)
+        tape = g.tape(out, first + 3 + len(weights))
+        k_block, free = len(self.block.columns), [*self._moving_q.tolist(), nq]
+        relative = {**self.block.relative, **{k_block + i: (x, 1.0) for i, x in enumerate(free)}}
+        block = self.block.numbers
+        numbers = replace(
+            block,
+            count=nq + 1,
+            own=self.own,
+            others=(*block.others, nq),
+            pinned=(),
+            poses=(),
+        )
+        return System(numbers, first + 3 + len(weights) - (nq + 1), tape, relative)
 
     def _rows(self, line: list[Expr]) -> tuple[list[Expr], list[dict[int, Expr]]]:
         """The block's rows, and what ties its moving joints to their lines."""
@@ -232,11 +247,6 @@ class Slices:
         turned = turned_quaternion(q, [g.constant(float(i == axis - 3)) for i in range(3)])
         seeds = {first + 3 + i: turned[i] - q[i] for i in range(4)}
         return forward(g, [y], seeds)[0]
-
-    def _none(self, q: np.ndarray, targets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """No step: paths take a shorter one then."""
-        nothing = np.full((len(q), len(self._unknown)), np.nan, dtype=complex)
-        return np.full_like(q, np.nan), nothing
 
     def _samples(self) -> np.ndarray:
         """Points of curves through known solutions and what they meet (inputs, n)."""
@@ -283,25 +293,3 @@ class Slices:
         """y - c (n,) of points (n, nq + 1) with s not nothing."""
         z0, _, s = place.targets[2 * self._lines : 2 * self._lines + 3]
         return np.asarray(s / (q[:, -1] - z0))
-
-    # -- for paths -----------------------------------------------------------------------------
-
-    def size(self, q: np.ndarray, step: np.ndarray) -> np.ndarray:
-        """Largest component (n,) of steps, of large numbers relative to these."""
-        k = len(self.block.columns)
-        numbers = np.append(self._moving_q, -1)
-        others = np.abs(step[:, k:]) / (1.0 + np.abs(q[:, numbers]))
-        found = np.maximum(self.block.size(q, step[:, :k]), others.max(axis=1))
-        return np.where(np.isfinite(found), found, np.inf)
-
-    def settle(self, q: np.ndarray, targets: np.ndarray) -> None:
-        """Make quaternions of postures (n, nq + 1) unit ones."""
-        model = self.block.equations.problem.mechanism.model
-        for j in range(1, model.njoints):
-            if model.nqs[j] == 7:
-                at = slice(model.idx_qs[j] + 3, model.idx_qs[j] + 7)
-                q[:, at] = normalised(q[:, at])
-
-    def far(self, q: np.ndarray, length: float, high: float) -> np.ndarray:
-        """Which postures, or z, have left these bounds, (n,) of bool."""
-        return self.block.far(q[:, :-1], length, high) | ~(np.abs(q[:, -1]) < length)

@@ -17,11 +17,12 @@ from closedchain.closure.closures import Closure
 from closedchain.closure.mechanism import Mechanism
 from closedchain.closure.ranks import NOISE, independent_rows
 from closedchain.closure.solve.samples import closed_samples
+from closedchain.closure.tape.eliminated import EliminatedClosures
 from closedchain.closure.tape.elimination import Elimination, eliminate
 from closedchain.closure.tape.expression import Expr, Graph
 from closedchain.closure.tape.rows import Kinematics, Rows
 from closedchain.closure.tape.vectors import Pose, rotation
-from closedchain.closure.task import Goal
+from closedchain.closure.task import goal, goal_rows
 from closedchain.urdf.description import OUTPUTS
 
 POSE = 7
@@ -163,14 +164,12 @@ class Problem:
 
     def jacobian_at(self, q: np.ndarray) -> np.ndarray:
         """Dimensionless Jacobian (rows, free) where the targets are met, by Pinocchio."""
-        from closedchain.closure.task import goal, goal_rows
-
         m = self.mechanism
         _, jacobian = m.workspace.evaluate(q)
         parts = [np.array(jacobian)]
         for frame, outputs in self.goals:
             names = tuple(OUTPUTS[i] for i in outputs)
-            g: Goal = goal(m, frame, m.pose(q, frame), names)
+            g = goal(m, frame, m.pose(q, frame), names)
             m.workspace.evaluate(q)
             parts.append(goal_rows(m, g)[1])
         whole = np.vstack(parts) * m.column_scale / self.units[:, None]
@@ -184,6 +183,14 @@ class Problem:
         """Elimination of the kept rows in the free coordinates; inputs of the graph as sampled."""
         entries = [rows.entries[r] for r in self.kept]
         return eliminate(graph, entries, self.free, samples)
+
+    def eliminated(self, graph: Graph) -> EliminatedClosures:
+        """The kept closure rows, without goals, eliminated in the free coordinates.
+
+        q are the first inputs of the graph.
+        """
+        k = self.kinematics(graph, graph.inputs(0, self.mechanism.model.nq))
+        return EliminatedClosures(k, self.kept, self.free, (), self.regular)
 
     @property
     def square(self) -> bool:

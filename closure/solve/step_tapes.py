@@ -28,13 +28,14 @@ from closedchain.closure.solve.control import (
     share,
 )
 from closedchain.closure.solve.problem import POSE, Problem, pose_of
+from closedchain.closure.tape.bodies import Entries
 from closedchain.closure.tape.elimination import (
     Elimination,
     relative_change,
     small_determinant,
 )
 from closedchain.closure.tape.expression import Expr, Graph, Tape
-from closedchain.closure.tape.rows import Entries, Rows, kinematics
+from closedchain.closure.tape.rows import kinematics
 from closedchain.closure.tape.vectors import quaternion
 
 
@@ -123,7 +124,7 @@ class StepTapes:
         turn, basis = self._turned(lu, lane)
         pivots = [pivot for _, _, pivot in lu.pivots]
         size = _length(g, list(step.values()))
-        closed = _largest(g, rows, problem.kept)
+        closed = rows.largest(g, problem.kept)
         steady = _steady(g, pivots, lane.old[self.kernel :])
         judged = Judged(size, closed, lu.determinant(problem.free), turn, lu.least, steady)
         decision = control(lane.state, judged, longest, lane.parameters[-1], self.precision)
@@ -257,7 +258,7 @@ class StepTapes:
                 within = within.min(k.q[i] - float(lower))
             if np.isfinite(upper):
                 within = within.min(float(upper) - k.q[i])
-        largest = _largest(g, rows, range(len(rows.values)))
+        largest = rows.largest(g)
         outputs_ = [largest, k.least_sense, facing, within]
         return g.tape(outputs_, nq + problem.prescribed)
 
@@ -298,11 +299,3 @@ def _inner(g: Graph, a: Sequence[Expr], b: Sequence[Expr]) -> Expr:
 
 def _length(g: Graph, values: Sequence[Expr]) -> Expr:
     return _inner(g, values, values).sqrt()
-
-
-def _largest(g: Graph, rows: Rows, which: Sequence[int]) -> Expr:
-    """Largest of some rows, in m or rad."""
-    found = g.constant(0.0)
-    for r in which:
-        found = found.max(rows.units[r] * abs(rows.values[r]))
-    return found

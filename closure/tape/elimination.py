@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from closedchain.closure.tape.expression import Expr, Graph
+from closedchain.closure.tape.expression import Expr, Graph, Number, total
 from closedchain.closure.tape.numbers import evaluate
 
 THRESHOLD = 0.05  # share of the largest entry of its row that a pivot has in every sample
@@ -144,6 +144,11 @@ class Elimination:
         return found
 
 
+def along(row: Sparse, motion: Sparse) -> Number:
+    """A row times a column, both sparse; the number 0 where they have no entry in common."""
+    return total(entry * motion[c] for c, entry in row.items() if c in motion)
+
+
 def eliminate(
     graph: Graph,
     rows: Sequence[Sparse],
@@ -215,8 +220,8 @@ def relative_change(lu: Elimination, before: Sequence[Sparse], now: Sequence[Spa
             squares = squares + entry * entry
         largest_column = largest_column.max(column_sum)
     largest_row = zero
-    for total in sums_of_rows:
-        largest_row = largest_row.max(total)
+    for row_sum in sums_of_rows:
+        largest_row = largest_row.max(row_sum)
     return squares.min(largest_row * largest_column).sqrt()
 
 

@@ -53,11 +53,16 @@ class Interval:
 
     def __mul__(self, other: Operand) -> Interval:
         """Product."""
-        b = interval(other)
+        a, b = self, interval(other)
+        if b.low is b.high:
+            a, b = b, a
         with np.errstate(over="ignore", invalid="ignore"):
-            ends = (self.low * b.low, self.low * b.high, self.high * b.low, self.high * b.high)
-        low = np.minimum(np.minimum(ends[0], ends[1]), np.minimum(ends[2], ends[3]))
-        high = np.maximum(np.maximum(ends[0], ends[1]), np.maximum(ends[2], ends[3]))
+            low, high = a.low * b.low, a.low * b.high
+            low, high = np.minimum(low, high), np.maximum(low, high)
+            if a.low is not a.high:  # else it is one number
+                one, two = a.high * b.low, a.high * b.high
+                low = np.minimum(low, np.minimum(one, two))
+                high = np.maximum(high, np.maximum(one, two))
         unknown = np.isnan(low)  # zero times infinity
         return outward(np.where(unknown, -np.inf, low), np.where(unknown, np.inf, high))
 

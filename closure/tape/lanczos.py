@@ -15,6 +15,7 @@ import numpy as np
 from closedchain.closure.tape.cholesky import Cholesky
 from closedchain.closure.tape.dense import inner
 from closedchain.closure.tape.expression import Expr, Graph
+from closedchain.closure.tape.layout import sums
 from closedchain.closure.tape.machine import Looped, looped
 
 EXHAUSTED = 1e-26
@@ -70,7 +71,7 @@ class Lanczos:
             state[2 * r] = z @ z
         else:
             state[2 * r : 3 * r] = v
-            state[3 * r] = (z[:, None] * v).sum(axis=0)
+            state[3 * r] = sums(z[:, None] * v)
 
     def found(self, state: Sequence[object]) -> tuple[Sequence[object], Sequence[object]]:
         """Diagonal, and squares beside it with the last one pending, of a state or its rows."""

@@ -56,3 +56,14 @@ def at(begin: int, count: int, n: int, step: int) -> Array:
         return at(begin + 8 * (count - 1) * step, count, n, -step)[::-1]
     flat = (ctypes.c_double * ((count - 1) * step + n)).from_address(begin)
     return np.lib.stride_tricks.as_strided(np.ctypeslib.as_array(flat), (count, n), (8 * step, 8))
+
+
+def sums(rows: Array) -> Array:
+    """Sums (n,) of rows (k, n), one after the other.
+
+    numpy's own adds in another order where n is 1, and the last bits would tell.
+    """
+    found = np.zeros(rows.shape[1])
+    for row in rows:
+        found += row
+    return found

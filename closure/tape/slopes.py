@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from closedchain.closure.tape.bodies import Entries
 from closedchain.closure.tape.derivative import gradient
 from closedchain.closure.tape.expression import Expr, Tape, total
-from closedchain.closure.tape.rows import Entries, Kinematics
+from closedchain.closure.tape.rows import Kinematics
 from closedchain.closure.tape.vectors import matvec, rotation, transposed
 
 

@@ -14,9 +14,10 @@ import numpy as np
 from closedchain.closure.closures import Closure
 from closedchain.closure.mechanism import Mechanism
 from closedchain.closure.solve.samples import closed_samples
+from closedchain.closure.tape.bodies import Entries
 from closedchain.closure.tape.expression import Expr
 from closedchain.closure.tape.numbers import evaluate
-from closedchain.closure.tape.rows import Entries, Kinematics, kinematics
+from closedchain.closure.tape.rows import Kinematics, kinematics
 from closedchain.closure.task import task_jacobian
 from closedchain.urdf.description import OUTPUTS
 from closedchain.urdf.errors import ClosedChainError

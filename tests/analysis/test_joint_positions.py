@@ -112,9 +112,9 @@ def test_inputs_that_the_loops_tie_say_what_would_do() -> None:
     [
         ({"q7": 1.0}, "unknown driven joint 'q7'.*leg1_P"),
         ({"q1": 0.5, "leg1_P": 0.5}, "same driven joint"),
-        ({"q1": float("nan")}, r"the value of q1 must be a number \[m\] .* got nan"),
+        ({"q1": float("nan")}, r"the value of q1 must be a finite number \[m\] .* got nan"),
         ({"q1": 1e7}, "of 1e[+]06 at most"),
-        ({"q1": "x"}, "must be a number .* got 'x'"),
+        ({"q1": "x"}, "must be a finite number .* got 'x'"),
     ],
 )
 def test_wrong_values_are_refused(d1: cc.Mechanism, values: dict, words: str) -> None:

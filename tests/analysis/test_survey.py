@@ -19,11 +19,6 @@ CURVES = ("direct", "inverse", "combined")
 
 
 @pytest.fixture(scope="module")
-def delta() -> cc.Mechanism:
-    return cc.load("linear_delta")
-
-
-@pytest.fixture(scope="module")
 def plane(delta: cc.Mechanism) -> Survey:
     ranges = {"x": (-0.4, -0.2), "y": (-0.1, 0.1)}  # a piece of the boundary
     return survey(delta, [("x", "y")], ranges=ranges, resolution=7, kinds=CURVES)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from conftest import Tolerances
 from small_linkages import GRASHOF, ROCKING, build, four_bar, four_bar_angles, joint, loop
@@ -233,7 +234,10 @@ def test_refusals() -> None:
         ({"inputs": [0.1, 0.2]}, "3"),
         ({"fixed": {"nowhere": 0.1}}, "nowhere"),
         ({"fixed": {"leg1_P": math.nan}}, "finite"),
+        ({"fixed": {"leg1_P": "far"}}, r"finite number \[m\]"),
+        ({"fixed": {"leg1_P": -0.1, "q1": -0.1}}, "same joint"),
         ({"pose": "home"}, "pin.SE3"),
+        ({"pose": pin.SE3(np.eye(3), np.full(3, math.nan))}, "finite numbers"),
         ({"inputs": [0, 0, 0], "fixed": {}}, "hold one of"),
     ):
         with pytest.raises(ClosureError, match=why):
@@ -245,3 +249,14 @@ def test_time_that_runs_out_gives_what_was_found() -> None:
     found = cc.postures(m, inputs=[0.3], seconds=0.0)
     assert (found.complete, len(found)) == ("searched", 2)
     assert "time allowed was used up" in found.text
+
+
+def test_families_have_the_dimension_of_their_motions_not_of_their_tangents() -> None:
+    """Wren's platform: three freedoms to the first order wherever it moves in two."""
+    found = cc.postures(cc.load("wren"), fixed={})
+    assert len(found)
+    assert {f.dimension for f in found.families} == {2}
+    rpa3t = cc.load("rpa3t")
+    for family in cc.postures(rpa3t, fixed={}).families:
+        s = np.linalg.svd(cc.constraint_jacobian(rpa3t, family.q), compute_uv=False)
+        assert family.dimension == rpa3t.model.nv - int((s > 1e-6 * s[0]).sum())

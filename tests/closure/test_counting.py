@@ -10,13 +10,13 @@ from conftest import Tolerances
 from small_linkages import GRASHOF, four_bar
 
 import closedchain as cc
-from closedchain.closure.modes import monodromy
+from closedchain.closure.modes import monodromy, path_tapes
 from closedchain.closure.modes.blocks import Block, blocks_of
 from closedchain.closure.modes.complex_equations import equations_of
 from closedchain.closure.modes.complex_tape import complex_tape
 from closedchain.closure.modes.loops import closed_under, merged
 from closedchain.closure.modes.monodromy import generic_solutions
-from closedchain.closure.modes.paths import track
+from closedchain.closure.modes.paths import Paths
 from closedchain.closure.modes.places import random_place
 from closedchain.closure.modes.random_solutions import random_solutions
 from closedchain.closure.modes.shapes import shapes_of
@@ -53,8 +53,9 @@ def test_newtons_steps_are_those_of_lapack(tip: bool) -> None:
         q = random_solutions(block, place, rng, 1)[:20]
         targets = np.repeat(place.targets[None], len(q), axis=0)
         q[:, block.own] += 1e-3 * rng.standard_normal((len(q), len(block.own)))
-        block.settle(q, targets)
-        fast, step = block.newton.at(q, targets)
+        block.numbers.settle(q, targets)
+        found = complex_tape(block.system.tape).run(np.hstack([q, targets]).T).T
+        fast, step = found[:, : len(block.own)], found[:, len(block.own) : -2]
         slow, expected = block.newton_by_lapack(q, targets)
         assert np.abs(step - expected).max() < 1e-9 * np.abs(expected).max()
         assert np.abs(fast - slow[:, block.own]).max() < 1e-9 * np.abs(slow).max()
@@ -65,8 +66,8 @@ def test_paths_there_and_back_end_where_they_began(bar: cc.Mechanism, tol: Toler
     here, there = (random_place(block.equations.problem, rng) for _ in range(2))
     q = merged(shapes_of(bar).of, *([random_solutions(block, here, rng, 1)] * 2))
     assert len(q) == 2
-    away = track(block, here, there, q)
-    back = track(block, there, here, away.q)
+    away = block.paths.track(here, there, q)
+    back = block.paths.track(there, here, away.q)
     assert away.good.all()
     assert back.good.all()
     assert np.abs(shapes_of(bar).of(back.q) - shapes_of(bar).of(q)).max() < tol.algebra
@@ -80,13 +81,13 @@ def test_a_trace_is_straight_only_over_all_points(bar: cc.Mechanism) -> None:
     start = slices.through(found.q[0], rng)
     here = slices.at(start, 1.0)
     begin = np.hstack([found.q, np.full((2, 1), start.given[-1])])
-    points = track(slices, start, here, begin).q
+    points = slices.paths.track(start, here, begin).q
     ways = [(here, slices.random(rng), slices.random(rng), here) for _ in range(6)]
 
     def telling(p: np.ndarray) -> np.ndarray:
         return np.hstack([shapes_of(bar).of(p[:, :-1]), p[:, -1:]])
 
-    points = closed_under(slices, telling, ways, points, 100, lambda count: None)
+    points = closed_under(slices.paths, telling, ways, points, 100, lambda count: None)
     assert len(points) == 6
     assert monodromy.straight(slices, here, points)
     for left_out in range(6):
@@ -108,8 +109,9 @@ def test_slices_have_the_derivatives_that_differences_give(bar: cc.Mechanism) ->
         for size in (1e-3, 1e-4):
             off = point.copy()
             off[:, slices.own] += size * direction
-            slices.settle(off, start.targets[None])
-            moved, _ = slices.newton.at(off, start.targets[None])
+            slices.system.numbers.settle(off, start.targets[None])
+            found = complex_tape(slices.system.tape).run(np.hstack([off, start.targets[None]]).T).T
+            moved = found[:, : len(slices.own)]
             errors.append(np.abs(moved - point[:, slices.own]).max())
         assert errors[1] < 0.05 * errors[0]
 
@@ -153,3 +155,34 @@ def test_paths_that_end_alike_are_not_two_solutions(
     found = cc.postures(m, inputs=[0.3])
     assert found.complete == "searched"
     assert len(found) == 2
+
+
+def test_paths_by_lapack_end_where_those_of_machine_code_do(
+    bar: cc.Mechanism, monkeypatch: pytest.MonkeyPatch, tol: Tolerances
+) -> None:
+    block, rng = block_of(bar), np.random.default_rng(0)
+    here, there = (random_place(block.equations.problem, rng) for _ in range(2))
+    q = random_solutions(block, here, rng, 1)
+    known = block.paths.track(here, there, q)
+    monkeypatch.setattr(path_tapes, "LEFT", 0.0)  # every step asks that leaves anything
+    monkeypatch.setattr(path_tapes, "ROUNDING", 1e-150)
+    asked, system = [], block.system
+
+    def slow(x: np.ndarray, targets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        asked.append(len(x))
+        return block.newton_by_lapack(x, targets)
+
+    again = Paths(dataclasses.replace(system, slow=slow)).track(here, there, q)
+    assert len(asked) > 10
+    assert known.good.all()
+    assert again.good.all()
+    assert np.abs(again.q - known.q).max() < tol.algebra
+
+
+def test_cosine_and_sine_of_complex_angles_are_those_of_numpy(tol: Tolerances) -> None:
+    g = Graph()
+    both = complex_tape(g.tape([g.input(0).cos(), g.input(0).sin()], 1))
+    rng = np.random.default_rng(0)
+    x = rng.uniform(-9.0, 9.0, 200) + 1j * rng.uniform(-20.0, 20.0, 200)
+    for found, known in zip(both.run(x[None]), (np.cos(x), np.sin(x)), strict=True):
+        assert (np.abs(found - known) < tol.algebra * np.abs(known)).all()

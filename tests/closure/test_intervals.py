@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from fractions import Fraction
 
 import mpmath
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
+from closedchain.closure.modes.certificates import times
 from closedchain.closure.tape.expression import Expr, Graph
 from closedchain.closure.tape.intervals import Interval, interval
 from closedchain.closure.tape.numbers import evaluate
@@ -93,3 +95,24 @@ def test_intervals_are_not_compared() -> None:
     a = g.input(0)
     with pytest.raises(TypeError, match="not compared"):
         evaluate(g.tape([a.max(0.0)], 1), [interval(np.array(1.0))])
+
+
+@given(seed=st.integers(0, 10_000), k=st.integers(1, 30))
+def test_products_of_matrices_hold_every_product(seed: int, k: int) -> None:
+    rng = np.random.default_rng(seed)
+    size = 10.0 ** rng.integers(-8, 8, (1, k, 2))
+    c = rng.standard_normal((1, 2, k))
+    low = size * rng.standard_normal((1, k, 2))
+    high = low + size * rng.choice([0.0, 1e-9, 1.0], (1, k, 2)) * rng.uniform(size=(1, k, 2))
+    found = times(c, Interval(low, high))
+    corners = [low, high, np.where(rng.uniform(size=low.shape) < 0.5, low, high)]
+    for matrix in corners:
+        for i in range(2):
+            for j in range(2):
+                pairs = zip(c[0, i], matrix[0, :, j], strict=True)
+                true = sum(Fraction(float(a)) * Fraction(float(b)) for a, b in pairs)
+                assert Fraction(float(found.low[0, i, j])) <= true
+                assert true <= Fraction(float(found.high[0, i, j]))
+    points = times(c, interval(low))
+    share = np.abs(c) @ np.abs(low)
+    assert ((points.high - points.low) < 1e-13 * share).all()

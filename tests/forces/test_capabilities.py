@@ -16,11 +16,6 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "analysis"))
 from linkages import four_bar
 
 
-@pytest.fixture(scope="module")
-def delta() -> cc.Mechanism:
-    return cc.load("linear_delta")
-
-
 def test_twist_maps_are_those_of_velocity() -> None:
     for name in ("d1", "linear_delta", "eclipse"):
         m = cc.load(name)

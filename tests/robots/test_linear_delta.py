@@ -17,11 +17,6 @@ from closedchain.robots import linear_delta as ld
 from closedchain.robots import robot
 
 
-@pytest.fixture(scope="module")
-def delta() -> cc.Mechanism:
-    return cc.load("linear_delta")
-
-
 def dimensionless(mechanism: cc.Mechanism, q: np.ndarray) -> np.ndarray:
     """K (rows, nv) without units."""
     k = cc.constraint_jacobian(mechanism, q)

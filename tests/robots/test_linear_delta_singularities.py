@@ -18,11 +18,6 @@ from closedchain.robots import linear_delta as ld
 MIXED = ld.MODES[1:7]  # sliders on both sides
 
 
-@pytest.fixture(scope="module")
-def delta() -> cc.Mechanism:
-    return cc.load("linear_delta")
-
-
 def test_reference_singularities(
     delta: cc.Mechanism, reference: Callable[[str], dict[str, Any]]
 ) -> None:

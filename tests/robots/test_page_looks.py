@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 import re
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -27,12 +26,6 @@ from closedchain.robots.viewer import (
 LINE = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0]])
 
 pytestmark = pytest.mark.slow  # a browser starts, and draws without a graphics card
-
-
-@pytest.fixture(scope="module")
-def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
-    with Browser(tmp_path_factory.mktemp("browser")) as one:
-        yield one
 
 
 @pytest.fixture(scope="module")

@@ -15,7 +15,8 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from closedchain.closure.mechanism import LARGEST_NUMBER, Mechanism, finite_vector
+from closedchain.closure.given import LARGEST_NUMBER, finite_vector
+from closedchain.closure.mechanism import Mechanism
 from closedchain.urdf.errors import ClosureError, known_names
 
 Path = ArrayLike | Mapping[str, ArrayLike] | Sequence[pin.SE3] | Callable[[float], Any]

@@ -38,8 +38,7 @@ class Constraint:
     @cached_property
     def products(self) -> dict[int, dict[int, Expr]]:
         """A."""
-        kept = [self.tape.entries[r] for r in self.tape.plan.kept]
-        return gram(self.tape.graph, kept)
+        return gram(self.tape.graph, self.tape.entries)
 
     @cached_property
     def factors(self) -> Cholesky:

@@ -13,7 +13,12 @@ from functools import cached_property
 import numpy as np
 
 from closedchain.analysis.singularity.bulk.constraint import Constraint
-from closedchain.analysis.singularity.bulk.plan import FirstOrderTape, Plan, rows_of
+from closedchain.analysis.singularity.bulk.plan import (
+    FirstOrderTape,
+    Plan,
+    first_order_tape,
+    rows_of,
+)
 from closedchain.analysis.singularity.bulk.values import Search, SmallMatrices, regular
 from closedchain.closure.tape.expression import Expr, Graph
 from closedchain.closure.tape.machine import Compiled, compiled
@@ -70,13 +75,13 @@ class MeasuresCode:
     @cached_property
     def determinants(self) -> NamedTape:
         """Residual, determinants and what guards them."""
-        tape = FirstOrderTape(self.plan, Graph())
+        tape = first_order_tape(self.plan)
         return NamedTape.of(tape.graph, first_outputs(tape), self.inputs)
 
     @cached_property
     def tape(self) -> FirstOrderTape:
         """Expressions of the second tape."""
-        return FirstOrderTape(self.plan, Graph())
+        return first_order_tape(self.plan)
 
     @cached_property
     def constraint(self) -> Constraint | None:

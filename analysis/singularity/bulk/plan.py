@@ -18,10 +18,12 @@ from closedchain.analysis.singularity.classify import row_combination
 from closedchain.closure.generic import GenericRanks, dimensionless_jacobian, generic_ranks
 from closedchain.closure.mechanism import Mechanism
 from closedchain.closure.solve.problem import Problem, problem_of
+from closedchain.closure.tape.bodies import Entries
 from closedchain.closure.tape.dense import determinant, gram_root
-from closedchain.closure.tape.elimination import Elimination, Sparse, eliminate, parity
+from closedchain.closure.tape.eliminated import EliminatedClosures
+from closedchain.closure.tape.elimination import Sparse, along, parity
 from closedchain.closure.tape.expression import Expr, Graph, total
-from closedchain.closure.tape.rows import Entries, Kinematics
+from closedchain.closure.tape.rows import Kinematics
 from closedchain.urdf.description import OUTPUTS
 
 
@@ -84,64 +86,25 @@ def planned(mechanism: Mechanism, outputs: tuple[str, ...]) -> Plan | None:
     inputs = tuple(int(v) for v in mechanism.input_v)
     pinned = problem_of(mechanism, pinned=inputs)
     if len(pinned.kept) == rank:
-        passive = tuple(int(v) for v in mechanism.passive_v)
-        return _plan(pinned, outputs, generic, passive, inputs)
+        return _plan(pinned, outputs, generic)
     whole = problem_of(mechanism)
     if len(whole.kept) != rank:
         return None
-    return _plan(whole, outputs, generic, tuple(range(nv)), ())
+    return _plan(whole, outputs, generic)
 
 
-def _plan(
-    problem: Problem,
-    outputs: tuple[str, ...],
-    generic: GenericRanks,
-    columns: tuple[int, ...],
-    carried: tuple[int, ...],
-) -> Plan:
-    """Plan with the rows, axes and samples of a problem."""
+def _plan(problem: Problem, outputs: tuple[str, ...], generic: GenericRanks) -> Plan:
+    """Plan with the rows, axes, coordinates and samples of a problem."""
     m, kept, regular = problem.mechanism, problem.kept, problem.regular
+    columns, carried = problem.free, problem.pinned
     return Plan(m, outputs, generic, kept, columns, carried, regular, problem.upright)
 
 
 @dataclass(frozen=True, eq=False)
-class FirstOrderTape:
+class FirstOrderTape(EliminatedClosures):
     """The first-order kinematics of a plan as expressions in q."""
 
     plan: Plan
-    graph: Graph
-
-    @cached_property
-    def kinematics(self) -> Kinematics:
-        """Expressions of the mechanism; Pinocchio's axes of rows where their signs matter."""
-        q = self.graph.inputs(0, self.plan.mechanism.model.nq)
-        upright = False if self.plan.oriented_by_home else self.plan.upright
-        return Kinematics(self.plan.mechanism, self.graph, q, upright=upright)
-
-    @cached_property
-    def residual(self) -> Expr:
-        """Largest of all rows [m or rad]."""
-        rows = self.kinematics.closures
-        found = self.graph.constant(0.0)
-        for unit, value in zip(rows.units, rows.values, strict=True):
-            found = found.max(unit * abs(value))
-        return found
-
-    @cached_property
-    def entries(self) -> list[Entries]:
-        """Rows of K, all of them."""
-        return self.kinematics.closures.entries
-
-    @cached_property
-    def factors(self) -> Elimination:
-        """Elimination of the kept rows."""
-        rows, plan = [self.entries[r] for r in self.plan.kept], self.plan
-        return eliminate(self.graph, rows, plan.columns, plan.samples.T, plan.carried)
-
-    @cached_property
-    def basis(self) -> list[Sparse]:
-        """Closed motions M, one for a unit rate of each free column."""
-        return self.factors.kernel()
 
     @cached_property
     def task(self) -> list[Entries]:
@@ -165,17 +128,21 @@ class FirstOrderTape:
         ]
 
     def _along(self, row: Entries, motion: Sparse) -> Expr:
-        return self.graph.lift(total(row[v] * motion[v] for v in row if v in motion))
+        return self.graph.lift(along(row, motion))
+
+    @cached_property
+    def left_out(self) -> list[Entries]:
+        """Rows of K that are not kept."""
+        kept = set(self.kept)
+        return [row for r, row in enumerate(self.kinematics.closures.entries) if r not in kept]
 
     @cached_property
     def shares(self) -> list[dict[int, Expr]]:
         """X of the redundant rows: K_redundant = X K_kept, at closed postures."""
-        kept = set(self.plan.kept)
         found = []
-        for r, row in enumerate(self.entries):
-            if r not in kept:
-                solved = self.factors.solve_transposed(row)
-                found.append({i: x for i, x in enumerate(solved) if x.value != 0.0})
+        for row in self.left_out:
+            solved = self.factors.solve_transposed(row)
+            found.append({i: x for i, x in enumerate(solved) if x.value != 0.0})
         return found
 
     @cached_property
@@ -243,16 +210,21 @@ class FirstOrderTape:
         """
         zero, one = self.graph.constant(0.0), self.graph.constant(1.0)
         solved = [*rows_of(self.outputs), *rows_of(self.inputs)]
-        left_out = []
-        if self.plan.redundant:
-            solved += [x for share in self.shares for x in share.values()]
-            others = [r for r in range(len(self.entries)) if r not in set(self.plan.kept)]
-            left_out = [self._along(self.entries[r], m) for r in others for m in self.basis]
+        solved += [x for share in self.shares for x in share.values()]
+        missed = [self._along(row, motion) for row in self.left_out for motion in self.basis]
         return {
             "least": self.factors.least,
             "large": largest(solved, one),
-            "left_out": largest(left_out, zero),
+            "left_out": largest(missed, zero),
         }
+
+
+def first_order_tape(plan: Plan) -> FirstOrderTape:
+    """Expressions of a plan; along Pinocchio's axes of rows where their signs matter."""
+    m, graph = plan.mechanism, Graph()
+    upright = False if plan.oriented_by_home else plan.upright
+    k = Kinematics(m, graph, graph.inputs(0, m.model.nq), upright)
+    return FirstOrderTape(k, plan.kept, plan.columns, plan.carried, plan.samples, plan)
 
 
 def largest(values: Sequence[Expr], least: Expr) -> Expr:

@@ -15,6 +15,7 @@ from closedchain.analysis.singularity.rank_loss import (
     sigma_direct,
     sigma_inverse,
 )
+from closedchain.closure.tape.layout import sums
 from closedchain.closure.tape.machine import Compiled
 
 TICKS = 200  # of a search: some 5 for single eigenvalues, some 30 for coincident ones
@@ -117,7 +118,7 @@ class Evaluated:
         count = constraint.lanczos.steps
         ritz = np.ascontiguousarray(state[-2 * count : -1])
         sought = np.ones((2, which.size))
-        sought[0] = ritz[:count].sum(axis=0) * ABOVE
+        sought[0] = sums(ritz[:count]) * ABOVE
         constraint.further.loop.run(sought, ritz, TICKS)
         return sought[0], settles(constraint.spread_further, sought[0], ritz, state[-1])
 
@@ -154,13 +155,13 @@ class Evaluated:
             self.given[:forms] = self.numbers["forms"]
             ends = np.cumsum([2 * size - 1 for size in search.sizes])
             if search.inverted:
-                state[0] = self.given[: ends[0]].sum(axis=0) * ABOVE
-            state[3] = self.given[ends[1] : ends[2]].sum(axis=0) * ABOVE
+                state[0] = sums(self.given[: ends[0]]) * ABOVE
+            state[3] = sums(self.given[ends[1] : ends[2]]) * ABOVE
         if ritz:
             steps = search.steps
             self.given[forms : forms + steps] = self._newest(steps)
             self.given[forms + steps :] = self.krylov[-steps:-1]
-            state[count - 1] = self.given[forms : forms + search.steps].sum(axis=0) * ABOVE
+            state[count - 1] = sums(self.given[forms : forms + search.steps]) * ABOVE
         search.loop.run(state, self.given, TICKS)
 
 

@@ -15,9 +15,10 @@ import numpy as np
 import pinocchio as pin
 
 from closedchain.closure.mechanism import Mechanism
+from closedchain.closure.tape.bodies import Entries
 from closedchain.closure.tape.machine import Compiled, compiled
 from closedchain.closure.tape.rates import physical_rates
-from closedchain.closure.tape.rows import Entries, Kinematics, kinematics
+from closedchain.closure.tape.rows import Kinematics, kinematics
 from closedchain.closure.tape.slopes import slopes_of_product
 from closedchain.closure.tape.verified import verify
 from closedchain.urdf.description import OUTPUTS
