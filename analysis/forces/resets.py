@@ -349,8 +349,8 @@ def _ranges(chart: Chart, over: Mapping[str, tuple[float, float] | None]) -> np.
             least, most = limits.get(name, (-np.inf, np.inf))
             if high < least or low > most:
                 raise ClosureError(
-                    f"{name} is never from {low:g} to {high:g}: its limits are {least:g} and "
-                    f"{most:g}"
+                    f"all values of {name!r}, {low:g} to {high:g}, lie beyond its joint limits "
+                    f"{least:g} to {most:g}"
                 )
         found.append((low, high))
     return np.array(found).T

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from closedchain.analysis.motion.track.tracking import track
-from closedchain.closure.given import finite_number
+from closedchain.closure.given import by_name, finite_number
 from closedchain.closure.mechanism import Mechanism
 from closedchain.closure.nearest import beyond_limits, limit_note
 from closedchain.closure.position import direct
@@ -127,7 +127,7 @@ def _wanted(mechanism: Mechanism, values: Mapping[str, float], now: np.ndarray) 
     column = {name: i for i, name in enumerate(driven_joints(mechanism))}
     column |= {name: i for i, name in enumerate(mechanism.inputs)}
     wanted, given = now.copy(), dict[int, str]()
-    for name, value in values.items():
+    for name, value in by_name(values, "values", f"{{{mechanism.inputs[0]!r}: 0.5}}").items():
         if name not in column:
             raise ClosureError(known_names(str(name), "driven joint", column))
         i = column[name]

@@ -137,7 +137,7 @@ def test_dataset(d1: cc.Mechanism, states: cc.Resets) -> None:
         ),
         (
             {"n": 5, "over": {"q1": (5.0, 6.0)}},
-            "q1 is never from 5 to 6: its limits are -1.2 and 0.4",
+            "all values of 'q1', 5 to 6, lie beyond its joint limits -1.2 to 0.4",
         ),
         ({"n": 5, "start": np.zeros(16)}, "open by"),
     ],
