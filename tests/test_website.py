@@ -6,10 +6,12 @@ import re
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 import closedchain as cc
-from website import gallery, navigation, notebooks, pages, reference
+from closedchain.robots.viewer import static_page
+from website import gallery, moving_picture, navigation, notebooks, pages, reference
 from website.offline import fetched
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -122,3 +124,17 @@ def test_exhibits_are_robots_and_commands_that_there_are() -> None:
 )
 def test_what_would_be_fetched_is_noticed(html: str, count: int) -> None:
     assert len(fetched(html)) == count
+
+
+@pytest.mark.slow
+def test_the_robot_of_the_moving_picture_is_photographed_sharply() -> None:
+    """Two postures give two pictures, and neighbouring pixels that are no copies."""
+    m = cc.load("delta")
+    moved = dict(zip(m.inputs, m.input_values(m.home), strict=True)) | {"q1": 0.75}
+    far = cc.direct(m, moved).raise_if_failed().q
+    page = static_page(m, controls=True)
+    one, two = (np.asarray(p) for p in moving_picture.photographed(page, np.array([m.home, far])))
+    assert one.shape == two.shape == (moving_picture.SIDE, moving_picture.SIDE, 3)
+    assert (one != two).any(axis=2).mean() > 0.01
+    edges = np.abs(np.diff(one.astype(float).mean(axis=2), axis=1))
+    assert edges.max() > 60.0  # a picture blown up from half the size has none as steep

@@ -30,14 +30,14 @@ FRAMES = 90
 TOUCHES = 3  # of the singular curve, in one round
 CLOSEST = 0.985  # share of the way to the curve there
 STYLE = {"font.size": 9, "axes.titlesize": 10}
-PROBE = """<pre id="told"></pre><script>
-addEventListener("load", () => {
+PROBE = """<pre id="photographs"></pre><script>
+addEventListener("shown", () => {
   const told = QS.map((q) => {
     instrument.toPosture(q);
     viewer.render();
     return viewer.renderer.domElement.toDataURL("image/png");
   });
-  document.getElementById("told").textContent = JSON.stringify(told);
+  document.getElementById("photographs").textContent = JSON.stringify(told);
 });
 </script></body>"""
 
@@ -90,13 +90,14 @@ def photographed(page: str, q: np.ndarray) -> list[Image.Image]:
         file = Path(folder, "page.html")
         file.write_text(page, encoding="utf-8")
         options = "--headless=new --no-sandbox --disable-gpu --use-gl=swiftshader --dump-dom"
-        window = f"--window-size={SIDE + 80},{SIDE + 80}"
+        # as on a phone, where the controls stand below: the upper half is the scene
+        window = f"--window-size={SIDE + 80},{2 * (SIDE + 80)}"
         command = [chromium, *options.split(), "--enable-unsafe-swiftshader", window]
         profile = ["--virtual-time-budget=20000", f"--user-data-dir={folder}/profile"]
         done = subprocess.run(
             [*command, *profile, file.as_uri()], capture_output=True, text=True, check=True
         )
-    (told,) = re.findall(r'<pre id="told">(.*?)</pre>', done.stdout, re.S)
+    (told,) = re.findall(r'<pre id="photographs">(.*?)</pre>', done.stdout, re.S)
     urls = json.loads(told)
     pictures = [Image.open(io.BytesIO(base64.b64decode(url.partition(",")[2]))) for url in urls]
     return [
