@@ -99,6 +99,7 @@ def planes(
     """Three planes of a map, through its start or else its middle: title, map and cut sets."""
     names = [str(d) for d in data["status"].dims]
     start = start_of(data)
+    inside = start_within(data) is not None
     found: list[tuple[str, xr.Dataset, list[DrawableSet]]] = []
     for held in reversed(range(3)):
         axis = data[names[held]].to_numpy()
@@ -109,6 +110,8 @@ def planes(
         unit = data[names[held]].attrs.get("units", "")
         title = f"{names[held]} = {value + 0.0:.4g} {unit}".rstrip()
         flat = data.isel({names[held]: index})
+        if not inside:  # no plane goes through it
+            flat.attrs = {k: v for k, v in data.attrs.items() if not k.startswith("start_")}
         found.append((title, flat, [cut(s, names[held], value, rest) for s in sets]))
     return found
 

@@ -21,6 +21,7 @@ STATUS_WORDS = {
     "not converged": "not converged",
 }
 _FIGURES = 5  # of a held value
+_NOTHING = 1e-12  # m or rad: what is held at less is held at zero, but for rounding
 _TIMES = " × "
 
 
@@ -32,10 +33,8 @@ def held_values(data: xr.Dataset) -> str:
         if name == key or key.endswith("_units"):
             continue
         unit = str(data.attrs.get(f"{key}_units", ""))
-        number = f"{float(value) + 0.0:.{_FIGURES}g}"
-        groups.setdefault(f"{'0' if float(number) == 0.0 else number} {unit}".strip(), []).append(
-            name
-        )
+        number = "0" if abs(float(value)) < _NOTHING else f"{float(value):.{_FIGURES}g}"
+        groups.setdefault(f"{number} {unit}".strip(), []).append(name)
     return ", ".join(" = ".join([*names, value]) for value, names in groups.items())
 
 
@@ -44,7 +43,8 @@ def heading(data: xr.Dataset) -> str:
     names = _TIMES.join(str(d) for d in data["status"].dims)
     held = held_values(data)
     start, mode = (str(data.attrs.get(key, "")) for key in ("start", "mode"))
-    of = {"": "", "start": "a given start" if not mode else f"mode {mode}"}.get(start, start)
+    asked = {"": "a given start", "home": "home"}.get(mode, f"mode {mode}")
+    of = {"": "", "start": asked}.get(start, start)
     parts = [
         f"{names}, held: {held}" if held else f"{names}, nothing held",
         f"outputs {data.attrs['outputs']}" if data.attrs.get("outputs") else "",

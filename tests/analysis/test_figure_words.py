@@ -13,6 +13,7 @@ from drawn_maps import made_map, made_set, sphere
 from matplotlib.collections import LineCollection
 from matplotlib.colors import to_rgb
 
+import closedchain as cc
 from closedchain.analysis.figures.drawing import draw_map, draw_survey
 from closedchain.analysis.figures.palette import COLOURED, DASHES, EDGES, MARKERS, PRINTED
 from closedchain.analysis.figures.saving import alt_file, words_of
@@ -60,6 +61,12 @@ def test_a_heading_says_what_is_held_which_outputs_and_whose_branch() -> None:
     assert heading(data) == words
     data.attrs |= {"start": "start", "mode": "--+"}
     assert heading(data).endswith("branch of mode --+")
+    data.attrs |= {"mode": "home", "held_q3": 7.9e-82}
+    words = "held: q3 = b = 0 rad, q4 = 0.25 m; outputs x y; branch of home"
+    data.attrs["held_q3_units"] = "rad"
+    assert heading(data).endswith(words)
+    data.attrs |= {"mode": ""}
+    assert heading(data).endswith("branch of a given start")
     figure = draw_map(data, curves())
     assert any(heading(data) == row.get_suptitle() for row in figure.subfigs)  # type: ignore[union-attr]
 
@@ -191,3 +198,28 @@ def test_figures_of_lines_are_told_in_words() -> None:
     ax.set_ylabel("length [m]")
     ax.axhline(3.0)  # guides the eye
     assert words_of(figure) == "arm. inputs, length [m], over time [s]: q1 from 2 to 5."
+
+
+@pytest.mark.parametrize("home", [0.5, 2.0])
+def test_planes_mark_only_a_start_that_they_go_through(home: float) -> None:
+    """A volume that does not hold the start still has planes, and none shows a star."""
+    data = made_map((0.0, 0.0, home), x=GRID, y=GRID, z=GRID)
+    figure = draw_map(data, ())
+    stars = [
+        line
+        for part in (figure, *figure.subfigs)  # type: ignore[union-attr]
+        for ax in part.axes
+        for line in ax.lines
+        if line.get_marker() == "*"
+    ]
+    assert bool(stars) == (home < 1.0)
+
+
+def test_values_held_elsewhere_are_on_the_branch_of_home() -> None:
+    m = cc.load("five_bar")
+    found = cc.singularity_map(m, {"q1": np.linspace(1.9, 2.1, 3)}, {"q2": 0.9}, progress=False)
+    assert heading(found).endswith("branch of home")
+    start = cc.direct(m, m.input_values(m.home) - 0.05).raise_if_failed().q
+    there = float(m.input_values(start)[0])
+    given = cc.singularity_map(m, {"q1": there + np.array([-0.1, 0.0])}, start, progress=False)
+    assert heading(given).endswith("branch of a given start")

@@ -56,7 +56,8 @@ class Grid:
     chart : Chart
         What the coordinates mean, and what is held.
     mode : str
-        Named posture that the branch was asked for by; empty where there was none.
+        Named posture that the branch was asked for by, home where only values are held elsewhere;
+        empty where there was none.
     """
 
     names: tuple[str, ...]
@@ -142,7 +143,8 @@ def grid_of(
     for name, axis in zip(names, values, strict=True):
         _check_limits(chart, name, axis)
     inputs = chart.start[mechanism.input_q]
-    return Grid(names, values, inputs, chart.start, chart, "" if mode is None else str(mode))
+    asked = "home" if mode is None and isinstance(at, Mapping) else mode
+    return Grid(names, values, inputs, chart.start, chart, "" if asked is None else str(asked))
 
 
 def _axis(name: str, values: ArrayLike) -> np.ndarray:
