@@ -19,12 +19,8 @@ from closedchain.closure.modes.result import Family, Postures
 from closedchain.closure.modes.seeking import LEAST, MOST, closed_postures, sought
 from closedchain.closure.modes.shapes import shapes_of, turns_that_count
 from closedchain.closure.modes.singular import with_singular
-from closedchain.closure.modes.within_time import (
-    Progress,
-    Search,
-    counted_in_time,
-    searched_in_time,
-)
+from closedchain.closure.modes.within_time import Search, counted_in_time, searched_in_time
+from closedchain.closure.progress import Progress
 from closedchain.closure.ranks import null_space
 
 LOOKED_AT = 8

@@ -255,6 +255,23 @@ def parallelogram() -> cc.Mechanism:
     )
 
 
+def flat_parallelogram(angle: float) -> cc.Mechanism:
+    """Parallelogram with its foot joints in line with the coupler's where the angle is 0."""
+    return load(
+        "parallelogram",
+        [
+            J("A", "base", "crank"),
+            J("B", "crank", "coupler", "0.2 0 0"),
+            J("D", "base", "rocker", "0.5 0 0"),
+        ],
+        [Cut("C", "coupler", "rocker", "0.5 0 0", "0.2 0 0")],
+        inputs={"q1": "A"},
+        home={"A": angle, "B": -angle, "D": angle},
+        tip="coupler",
+        outputs="x y",
+    )
+
+
 def wedges() -> cc.Mechanism:
     """Three prismatic joints in a plane."""
     return load(

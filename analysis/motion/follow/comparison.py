@@ -14,8 +14,8 @@ from closedchain.analysis.motion.follow.result import Follow
 from closedchain.analysis.motion.follow.task_path import Poses
 from closedchain.analysis.progress import reporting
 from closedchain.analysis.redundancy import redundancy
-from closedchain.analysis.singularity.maps.grid import Progress
 from closedchain.closure.mechanism import Mechanism
+from closedchain.closure.progress import Progress
 from closedchain.urdf.errors import ClosureError
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,9 +26,6 @@ OK, NONE_FOUND, OTHER_BRANCH, JOINT_LIMIT, NOT_CONVERGED, BEHIND_LIMIT = range(6
 UNSEEN = -1
 
 MOST_COORDINATES = 6
-
-Progress = Callable[[str, int, int], None]
-"""Called with what is being done, how much of it is done, and how much there is."""
 
 _TURNS = {  # allowed values of the tip's rotation [rad], and how to say so
     **dict.fromkeys(("rx", "ry", "rz", "torsion"), (-np.pi, np.pi, "within -pi to pi")),

@@ -13,7 +13,6 @@ from itertools import chain
 import numpy as np
 
 from closedchain.analysis.singularity.classify import SINGULAR
-from closedchain.analysis.singularity.maps.grid import Progress
 from closedchain.analysis.singularity.sets.bordered import Measure
 from closedchain.analysis.singularity.sets.everywhere import singular_throughout
 from closedchain.analysis.singularity.sets.lattice import Lattice, finer
@@ -28,6 +27,7 @@ from closedchain.analysis.singularity.sets.singular_set import (
 from closedchain.analysis.singularity.sets.slices import Slice
 from closedchain.analysis.singularity.sets.touching import touching
 from closedchain.analysis.singularity.sets.tracked import Tracker
+from closedchain.closure.progress import Progress
 
 UPRIGHT = 1e-6  # of a cell: a curve whose coordinates vary less stands above a point
 VERDICTS = {-1: "none found", 0: "isolated", 1: "curve", 2: "surface"}
