@@ -59,9 +59,7 @@ class Descent:
         names = dict(zip(STATE, g.inputs(2 * nq, len(STATE)), strict=True))
         first = 2 * nq + len(STATE)
         target = g.inputs(first, problem.prescribed)
-        q = list(trial)
-        for index, value in zip(problem.pinned_q, target, strict=False):
-            q[int(index)] = value
+        q = problem.pinned_at(trial, target)
         k = Kinematics(problem.mechanism, g, q)
         rows = problem.rows(k, target)
         cost = g.constant(0.0)

@@ -255,8 +255,8 @@ def parallelogram() -> cc.Mechanism:
     )
 
 
-def flat_parallelogram(angle: float) -> cc.Mechanism:
-    """Parallelogram with its foot joints in line with the coupler's where the angle is 0."""
+def flat_parallelogram(angle: float = 0.0) -> cc.Mechanism:
+    """Parallelogram whose cranks stand at an angle; at 0 all joints are in line."""
     return load(
         "parallelogram",
         [

@@ -14,6 +14,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from closedchain.analysis.motion.track.routes import Route, route
+from closedchain.closure.given import real_array
 from closedchain.closure.mechanism import Mechanism
 from closedchain.urdf.description import OUTPUTS
 from closedchain.urdf.errors import ClosureError
@@ -250,10 +251,7 @@ def _turned(home: np.ndarray, k: int, axis: np.ndarray) -> np.ndarray:
 
 def _numbers(values: ArrayLike, what: str, tail: tuple[int, ...], n: int | None = None) -> Any:
     """Check an (n, *tail) array of finite numbers; (tail) stands for all n rows."""
-    try:
-        table = np.array(values, dtype=float)
-    except (TypeError, ValueError):
-        raise ClosureError(f"{what} must be an array of numbers") from None
+    table = real_array(values, what, "an array of numbers")
     if n is not None and table.shape == tail:
         table = np.broadcast_to(table, (n, *tail))
     if (
