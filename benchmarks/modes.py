@@ -1,4 +1,7 @@
-"""All postures: searched, counted for the first time and with what is kept on disk, and proved."""
+"""All postures: searched, counted for the first time and with what is kept on disk, and proved.
+
+Beside the counts of platforms stands msolve, which finds all of their real postures, too.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +11,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 
 import closedchain as cc
+from benchmarks.msolve_peer import solve_with_msolve
 from benchmarks.timing import OURS, Row
 from closedchain.closure.modes.certificates import certified
 from closedchain.closure.modes.result import Postures
@@ -21,10 +25,22 @@ SEARCHED, FIRST, KEPT, PROVED = (
 )
 
 
-def rows(robots: Iterable[str], *, first: bool = True) -> Iterator[Row]:
-    """Rows for assembly modes at home's inputs; ``first`` without anything on disk, too."""
+ROBOTS = ("three_rps", "gough_stewart dietmaier", "eclipse", "linear_delta", "rus6", "d1")
+PLATFORMS = ("three_rps", "gough_stewart dietmaier")
+
+
+def rows(robots: Iterable[str] = ROBOTS, *, first: bool = True) -> Iterator[Row]:
+    """Rows for assembly modes at home's inputs; ``first`` without anything on disk, too.
+
+    A robot is a name of the catalogue, with a variant behind it or not.
+    """
     for name in robots:
-        m = cc.load(name)
+
+        def load(name: str = name) -> cc.Mechanism:
+            robot, _, variant = name.partition(" ")
+            return cc.load(robot, variant=variant or None)
+
+        m = load()
         inputs = m.input_values(m.home)
         cc.postures(m, inputs=inputs, count=False)  # to warm up
         took, found = timed(lambda m=m, u=inputs: cc.postures(m, inputs=u, count=False))  # type: ignore[misc]
@@ -34,7 +50,7 @@ def rows(robots: Iterable[str], *, first: bool = True) -> Iterator[Row]:
                 before = os.environ.get("CLOSEDCHAIN_CACHE")
                 os.environ["CLOSEDCHAIN_CACHE"] = folder
                 try:
-                    fresh = cc.load(name)
+                    fresh = load()
                     took, found = timed(lambda m=fresh, u=inputs: cc.postures(m, inputs=u))  # type: ignore[misc]
                 finally:
                     if before is None:
@@ -42,9 +58,13 @@ def rows(robots: Iterable[str], *, first: bool = True) -> Iterator[Row]:
                     else:
                         os.environ["CLOSEDCHAIN_CACHE"] = before
             yield row(name, FIRST, took, found)
+            if name in PLATFORMS:
+                yield solve_with_msolve(name, FIRST, m)
         cc.postures(m, inputs=inputs)
         took, found = timed(lambda m=m, u=inputs: cc.postures(m, inputs=u))  # type: ignore[misc]
         yield row(name, KEPT, took, found)
+        if name in PLATFORMS:
+            yield solve_with_msolve(name, KEPT, m)
         problem = driven(m)
         certified(problem, found.q, inputs)
         begin = time.process_time()

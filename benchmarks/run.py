@@ -2,7 +2,7 @@
 
 Run by ``make bench``. Ratios carry over between machines; times do not. Peers other than SciPy are
 optional: ``pip install closedchain[bench]`` brings MuJoCo, ``pip install drake`` Drake. placo runs
-in a Python of its own that ``PLACO_PYTHON`` names.
+in a Python of its own that ``PLACO_PYTHON`` names; msolve is the program that ``MSOLVE`` names.
 """
 
 from __future__ import annotations
@@ -23,8 +23,18 @@ os.environ.update(dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1"
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks import batch, cases, cold, exported, forces, modes, sets, stacks
-from benchmarks.placo_peer import installed
+from benchmarks import (
+    batch,
+    cases,
+    cold,
+    exported,
+    forces,
+    modes,
+    msolve_peer,
+    placo_peer,
+    sets,
+    stacks,
+)
 from benchmarks.timing import OURS, Row
 from closedchain.robots.catalogue import robots
 
@@ -40,7 +50,7 @@ def versions() -> dict[str, str]:
             found[name] = version(name)
         except PackageNotFoundError:
             found[name] = "not installed"
-    return found | {"placo": installed()}
+    return found | {"placo": placo_peer.installed(), "msolve": msolve_peer.installed()}
 
 
 def processor() -> str:
@@ -59,7 +69,7 @@ SECTIONS: dict[str, Callable[[argparse.Namespace], Iterable[Row]]] = {
     "forces": lambda o: (row for case in cases.CASES for row in forces.rows(case, o.repeats)),
     "batch": lambda o: batch.rows(o.cells),
     "sets": lambda o: sets.rows(o.cells, o.surveys),
-    "modes": lambda o: modes.rows(("eclipse", "linear_delta", "rus6", "d1")),
+    "modes": lambda o: modes.rows(),
     "cold": lambda o: cold.rows(("d1", "linear_delta"), 5),
     "stacks": lambda o: stacks.rows(o.stacks, min(o.cells, 25)),
 }

@@ -5,12 +5,13 @@ import sys
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # benchmarks/ is not installed
 
 import closedchain as cc
-from benchmarks import batch, cases, cold, exported, forces, modes, run, sets, stacks
+from benchmarks import batch, cases, cold, exported, forces, modes, msolve_peer, run, sets, stacks
 from benchmarks.following import DIRECT, INVERSE
 from benchmarks.placo_peer import TOOL as PLACO
 from benchmarks.timing import OURS, Row
@@ -136,3 +137,32 @@ def test_all_postures() -> None:
     assert found[0]["note"] == "2 real"
     assert found[1]["note"] == "2 real of 2"
     assert found[2]["note"] == "2 of 2"
+
+
+@pytest.mark.parametrize(("name", "real"), [("three_rps", 8), ("gough_stewart dietmaier", 40)])
+def test_platforms_as_polynomials(
+    name: str, real: int, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """All real postures meet the equations that msolve gets, to the digits that they have."""
+    robot, _, variant = name.partition(" ")
+    m = cc.load(robot, variant=variant or None)
+    found = cc.postures(m, inputs=m.input_values(m.home))
+    assert len(found) == real
+    polynomials = msolve_peer.equations(m)
+    assert len(polynomials) == len(msolve_peer.VARIABLES)
+    for q in found.q:
+        (x, y, z, w), p = q[3:7], q[:3]
+        v = np.array([x, y, z])
+        # (e, f): the dual quaternion of the pose, f = (0, p) e / 2
+        e, f = np.array([w, *v]), 0.5 * np.array([-p @ v, *(w * p + np.cross(p, v))])
+        if abs(w) < 1e-3:  # a half turn is at infinity there
+            continue
+        at = np.concatenate([[w * w], e[1:] / w, f / w])
+        for polynomial in polynomials:
+            terms = [float(c) * np.prod(at ** np.array(k)) for k, c in polynomial.items()]
+            assert abs(sum(terms)) < 1e-4 * (1.0 + sum(map(abs, terms)))
+    # an answer as it is written, and a program that is not there
+    assert msolve_peer.count("[0, [1,\n[[[-7 / 2^3, 1 / 2^2]], [[1 / 2^1, 3 / 2^2]]]\n]]:\n") == 2
+    monkeypatch.delenv("MSOLVE", raising=False)
+    monkeypatch.setenv("PATH", str(tmp_path))
+    assert msolve_peer.solve_with_msolve(name, "work", m).note == "not installed"

@@ -14,6 +14,7 @@ from closedchain.closure.mechanism import Mechanism
 from closedchain.closure.modes.agreement import together
 from closedchain.closure.modes.assembling import result_of
 from closedchain.closure.modes.counting import kept_on_disk
+from closedchain.closure.modes.dimension import dimensions
 from closedchain.closure.modes.question import Question, question_of
 from closedchain.closure.modes.result import Family, Postures
 from closedchain.closure.modes.seeking import LEAST, MOST, closed_postures, sought
@@ -22,6 +23,8 @@ from closedchain.closure.modes.singular import with_singular
 from closedchain.closure.modes.within_time import Search, counted_in_time, searched_in_time
 from closedchain.closure.progress import Progress
 from closedchain.closure.ranks import null_space
+from closedchain.closure.solve.alone import system_at
+from closedchain.closure.solve.problem import Problem
 
 LOOKED_AT = 8
 """Postures at which it is seen what the motions that remain change."""
@@ -102,12 +105,23 @@ def postures(
     found, in_time = searched_in_time(question, shapes, asked)
     if not in_time:
         notes.append("The time allowed was used up while searching.")
-    found, families = with_singular(question.problem, question.targets, found)
+    settled = whole is not None and whole.settled
+    found, families = with_singular(question.problem, question.targets, found, settled=settled)
     if count and in_time and not early:
         whole = counted_in_time(question, asked, notes)
     if whole is not None:
         found = together(question, shapes, found, whole)
     return result_of(question, found, whole, families, notes)
+
+
+def _dimension(problem: Problem, targets: np.ndarray, q: np.ndarray) -> int:
+    """Dimension of the family through a posture (nq,).
+
+    Where rows are redundant, they may promise more motions than there are, in every posture.
+    """
+    if problem.redundant:
+        return dimensions(*system_at(problem, targets, q))[0]
+    return len(problem.free) - len(problem.kept)
 
 
 def _families(question: Question, asked: Search) -> Postures:
@@ -120,7 +134,6 @@ def _families(question: Question, asked: Search) -> Postures:
         motions[list(problem.free)] = basis
         shapes = shapes.without(q, motions * problem.mechanism.column_scale[:, None])
     found = sought(problem, shapes, targets, starts=asked)
-    dimension = len(problem.free) - len(problem.kept)
-    families = tuple(Family(dimension, q) for q in found.q)
+    families = tuple(Family(_dimension(problem, targets, q), q) for q in found.q)
     note = "Postures that the remaining motions may join are told apart by what these leave alone."
     return result_of(question, found, None, families, [note] if families else [])

@@ -116,10 +116,11 @@ def _followed(
         around = [generic.place, random_place(block.equations.problem, rng)]
         other = _route(block, shapes, around, generic.q, targets, q)
         found = merged(shapes.of, best.q, other.q)
-        ends = best.ends if len(best.ends) >= len(other.ends) else other.ends
-        infinite = min(best.infinite, other.infinite, wanted - len(found))
-        lost = wanted - len(found) - infinite
-        best = _Followed(found, infinite, lost, ends[:lost])
+        # what one way has lost, or taken for infinite, another may have found
+        left = wanted - len(found)
+        kept = min(best, other, key=lambda way: (left - min(way.infinite, left), way.infinite))
+        infinite = min(kept.infinite, left)
+        best = _Followed(found, infinite, left - infinite, kept.ends[: left - infinite])
     return best
 
 

@@ -30,7 +30,9 @@ ITERATIONS = 4
 SOLVED = 1e-10  # relative correction of a solution
 NEXT_BELOW_ROUNDING = 1e-6  # correction after which the next, by quadratic convergence, is nothing
 NEXT_BELOW_NEED = 1e-4  # the same on the way, where the error is to be far below ``AIM``
-SHIFT, LEAST = 1e-3, 1e-7  # the slope is seen from this share of a step ahead, at least so far
+SHIFT, LEAST, REST = 1e-3, 1e-7, 0.1
+"""The slope is seen from this share of a step ahead; at least so far, or this share of the rest."""
+
 FAR = 1e6  # dimensionless: lengths beyond are at infinity
 HIGH = 16.0  # imaginary part of an angle beyond which it is
 BOUND = 0.7  # longest step from afar, relative
@@ -87,8 +89,9 @@ class Lane:
 
     @cached_property
     def ahead(self) -> Expr:
-        """From where the slope is seen."""
-        return (SHIFT * self.scalars["step"]).max(LEAST)
+        """How far ahead the slope is seen."""
+        s = self.scalars
+        return (SHIFT * s["step"]).max((REST * (1.0 - s["share"])).min(LEAST))
 
     @cached_property
     def posture(self) -> list[Parts]:
@@ -230,7 +233,7 @@ class PathTapes:
             state["slope_before"].append(_select(accept, slope, slope_old))
         # endings
         gone = (accept | afar) & self._far(state["here"])
-        stuck = refuse & (ahead < SMALLEST)
+        stuck = (refuse | (accept & ~at_end)) & (ahead < SMALLEST)
         missed = afar & (~(size < HUGE) | (s["count"] > NEWTON - 1.5))
         arrived = (accept & at_end) | (afar & (size < CLOSED))
         status = arrived.select(ARRIVED, RUNNING)

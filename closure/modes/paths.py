@@ -17,10 +17,12 @@ from closedchain.closure.modes.path_tapes import (
     ARRIVED,
     ASKING,
     LEAST,
+    REST,
     RUNNING,
     SCALARS,
     SHIFT,
     SLOPE,
+    VECTORS,
     PathTapes,
 )
 from closedchain.closure.modes.places import Place
@@ -29,7 +31,12 @@ from closedchain.closure.tape.interpreter import outputs
 from closedchain.closure.tape.machine import Looped, looped
 
 FIRST = 0.02  # step along a path
-ON_THE_WAY = (1e3, 8.0)  # beyond these bounds, paths that stop are at infinity
+LATE = 0.1  # share of the way that is left
+LARGE = (10.0, 3.0)  # lengths, and imaginary parts of angles, of paths that go to infinity
+GROWTH = (0.03, 10.0)
+"""Between these their logarithms grow, by the logarithm of what is left of the way: as its negative
+power if the end is infinite. Less where it is not, more where infinity is passed on the way."""
+
 TICKS = 64  # steps of Newton's method before those that have ended are set aside
 MOST = 20_000  # of these for a path
 
@@ -41,6 +48,16 @@ class Arrived:
     q: np.ndarray
     good: np.ndarray
     infinite: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class _Ended:
+    """Postures (n, nq), which arrived (n,), shares of the way (n,), slopes there (n, m)."""
+
+    q: np.ndarray
+    good: np.ndarray
+    share: np.ndarray
+    slope: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,22 +77,22 @@ class Paths:
     def track(self, one: Place, two: Place, q: np.ndarray) -> Arrived:
         """Follow paths from solutions (n, nq) at one place to another."""
         start = {"step": FIRST, "phase": SLOPE}
-        found, good = self._ended(one, two, q.astype(complex), start)
-        infinite = ~good & self.system.numbers.far(found, *ON_THE_WAY)
-        return Arrived(found, good, infinite)
+        ended = self._ended(one, two, q.astype(complex), start)
+        numbers, rest = self.system.numbers, 1.0 - ended.share
+        growth = rest * numbers.growth(ended.q, ended.slope)
+        infinite = (rest < LATE) & (growth > GROWTH[0]) & (growth < GROWTH[1])
+        infinite &= ~ended.good & numbers.far(ended.q, *LARGE)
+        return Arrived(ended.q, ended.good, infinite)
 
     def closed(self, place: Place, q: np.ndarray) -> np.ndarray:
         """Solutions (m, nq) at a place that bounded Newton steps reach from postures (n, nq)."""
-        found, good = self._ended(place, place, q.astype(complex), {"share": 1.0, "phase": AFAR})
-        return np.asarray(found[good])
+        start = {"share": 1.0, "phase": AFAR}
+        ended = self._ended(place, place, q.astype(complex), start)
+        return np.asarray(ended.q[ended.good])
 
-    def _ended(
-        self, one: Place, two: Place, q: np.ndarray, start: dict[str, float]
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Where ways from postures (n, nq) end, and which arrived."""
+    def _ended(self, one: Place, two: Place, q: np.ndarray, start: dict[str, float]) -> _Ended:
+        """Where ways from postures (n, nq) end."""
         n, own, numbers = len(q), self.system.numbers.own, self.system.numbers
-        if not n:
-            return q, np.zeros(0, dtype=bool)
         state = np.zeros((self._tapes.states, n))
         state[: 2 * len(own)] = state[2 * len(own) : 4 * len(own)] = parted(q[:, own].T)
         fresh = {"status": RUNNING, "last": np.inf, **start}
@@ -88,8 +105,10 @@ class Paths:
         whole = self._run(state, np.concatenate([parted(x) for x in both]))
         found, _ = numbers.between(one, two, q, np.ones(n))
         here = dict(zip(SCALARS, whole[-len(SCALARS) :], strict=True))
+        first = 2 * len(own) * VECTORS.index("slope")
         found[:, own] = joined(whole[: 2 * len(own)]).T
-        return found, here["status"] == ARRIVED
+        slope = joined(whole[first : first + 2 * len(own)]).T
+        return _Ended(found, here["status"] == ARRIVED, here["share"], slope)
 
     def _run(self, state: np.ndarray, parameters: np.ndarray) -> np.ndarray:
         """State (states, n) when every path has ended; those that have are set aside meanwhile."""
@@ -115,7 +134,8 @@ class Paths:
         system, m = self.system, len(self.system.numbers.own)
         here = dict(zip(SCALARS, state[-len(SCALARS) :], strict=True))
         sloping = here["phase"] == SLOPE
-        beside = np.maximum(SHIFT * here["step"], LEAST)
+        rest = REST * (1.0 - here["share"])
+        beside = np.maximum(SHIFT * here["step"], np.minimum(rest, LEAST))
         tried = here["share"] + np.where(sloping, beside, here["step"])
         tried = np.where(sloping | (tried < 1.0 - 1e-14), tried, 1.0)
         x, y = (joined(state[2 * m * k : 2 * m * (k + 1)]) for k in range(2))

@@ -24,22 +24,29 @@ CLOSED = 1e-10  # m or rad
 OPEN = 1e-6  # m or rad: beside a double root rows are far smaller than that
 SAME = 1e-4  # dimensionless: shapes that differ by less are one, at a double root
 MOST = 12  # singular postures, or families
+THOROUGH = 400  # evaluations from a start: at a double root errors shrink by half at best
+QUICK = (12, 60)  # starts, and evaluations of each, to a family
 
 
 def with_singular(
-    problem: Problem, targets: np.ndarray, found: Sought
+    problem: Problem, targets: np.ndarray, found: Sought, *, settled: bool
 ) -> tuple[Sought, tuple[Family, ...]]:
-    """What was sought, with the singular postures that its starts came near to; and families."""
+    """What was sought, with the singular postures that its starts came near to; and families.
+
+    Where a count is ``settled``, all its solutions are regular, and single postures that are
+    singular would be among them. Only families may be left, which starts come to quickly.
+    """
     m = problem.mechanism
     shapes = shapes_of(m)
     known = list(shapes.of(found.q)) if len(found.q) else []
     alone: list[np.ndarray] = []
     families: list[Family] = []
-    for start in found.unsettled:
+    looks, steps = QUICK if settled else (len(found.unsettled), THOROUGH)
+    for start in found.unsettled[:looks]:
         if len(alone) + len(families) >= MOST:
             break
         system, moved = system_at(problem, targets, start)
-        descended = descend(system, moved, evaluations=400)
+        descended = descend(system, moved, evaluations=steps)
         if descended.residual > OPEN:
             continue
         near = at_fold(system, descended)

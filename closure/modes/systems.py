@@ -86,6 +86,14 @@ class Numbers:
         found |= (np.abs(q[:, self.others]) > length).any(axis=1)
         return np.asarray(found)
 
+    def growth(self, q: np.ndarray, slope: np.ndarray) -> np.ndarray:
+        """Largest growth (n,) with slopes (n, m): relative, that of angles as it is."""
+        unit = np.ones(len(self.own))
+        unit[np.isin(self.own, self.lengths)] = self.unit
+        size = unit + np.abs(q[:, self.own])
+        size[:, np.isin(self.own, self.angles)] = 1.0
+        return np.asarray((np.abs(slope) / size).max(axis=1, initial=0.0))
+
 
 @dataclass(frozen=True, eq=False)
 class System:

@@ -249,3 +249,14 @@ def test_time_that_runs_out_gives_what_was_found() -> None:
     found = cc.postures(m, inputs=[0.3], seconds=0.0)
     assert (found.complete, len(found)) == ("searched", 2)
     assert "time allowed was used up" in found.text
+
+
+def test_families_have_the_dimension_of_their_motions_not_of_their_tangents() -> None:
+    """Wren's platform: three freedoms to the first order wherever it moves in two."""
+    found = cc.postures(cc.load("wren"), fixed={})
+    assert len(found)
+    assert {f.dimension for f in found.families} == {2}
+    rpa3t = cc.load("rpa3t")
+    for family in cc.postures(rpa3t, fixed={}).families:
+        s = np.linalg.svd(cc.constraint_jacobian(rpa3t, family.q), compute_uv=False)
+        assert family.dimension == rpa3t.model.nv - int((s > 1e-6 * s[0]).sum())
