@@ -50,7 +50,7 @@ def direct(
         return _solution(problem, found)
     system = System(mechanism, mechanism.passive_v)
     kept_alone = found.code == ARRIVED  # the kept rows closed, others did not
-    found, start = _again(problem, system, start, end, found)
+    found, start = _again(problem, start, end, found)
     if _good(found):
         return _solution(problem, found)
     if found.reached < 0.0:
@@ -87,7 +87,7 @@ def inverse(
         return _solution(problem, found)
     tip, names = mechanism.required_task().tip, mechanism.outputs(outputs)
     system = System(mechanism, np.arange(mechanism.model.nv), (goal(mechanism, tip, pose, names),))
-    found, start = _again(problem, system, start, end, found)
+    found, start = _again(problem, start, end, found)
     if _good(found) and found.facing >= 0.0:
         return _solution(problem, found)
     if found.reached < 0.0:
@@ -140,7 +140,7 @@ def _good(found: Single) -> bool:
 
 
 def _again(
-    problem: Problem, system: System, start: np.ndarray, end: np.ndarray, found: Single
+    problem: Problem, start: np.ndarray, end: np.ndarray, found: Single
 ) -> tuple[Single, np.ndarray]:
     """What a way that did not arrive leads to from a guess closed first, or with other rows."""
     follower = follower_of(problem)

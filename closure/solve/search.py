@@ -73,7 +73,7 @@ class Descent:
         damping = mu * cost.min(1.0)
         for column in matrix:
             matrix[column][column] = matrix[column][column] + damping
-        step = positive_solve(g, matrix, {c: -s for c, s in slope.items()})
+        step = positive_solve(matrix, {c: -s for c, s in slope.items()})
         size, along = g.constant(0.0), g.constant(0.0)
         for column, value in step.items():
             size, along = size + value * value, along - slope[column] * value

@@ -78,12 +78,6 @@ class Problem:
         return np.setdiff1d(np.arange(m.model.nv), fixed)
 
     @cached_property
-    def inputs_in_free(self) -> np.ndarray:
-        """Row of each input among the free columns; -1 where it is locked."""
-        place = {int(v): i for i, v in enumerate(self.free)}
-        return np.array([place.get(int(v), -1) for v in self.mechanism.input_v], dtype=int)
-
-    @cached_property
     def rank(self) -> int:
         """Generic rank of closures and task."""
         return generic_rank(self.mechanism) + len(self.outputs)

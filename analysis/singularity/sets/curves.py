@@ -96,7 +96,7 @@ def curve_set(
         verdict=verdict,
         dropped=tracker.dropped,
         missed=missed,
-        note=_note(tracker, kind, outputs),
+        note=_note(tracker, outputs),
     )
 
 
@@ -135,7 +135,7 @@ def _alone(tracker: Tracker, pieces: Sequence[Piece]) -> list[Piece]:
     return found
 
 
-def _note(tracker: Tracker, kind: str, outputs: tuple[str, ...]) -> str:
+def _note(tracker: Tracker, outputs: tuple[str, ...]) -> str:
     """What has to be said of the way the set was sought."""
     notes = []
     measures, k = tracker.system.measures, len(tracker.lattice.chart.names)
