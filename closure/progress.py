@@ -9,3 +9,6 @@ Progress = Callable[[str, int, int], None]
 
 Reached = Callable[[int], None]
 """Gets how many more are done since the last call."""
+
+Count = Callable[[int], None]
+"""Gets how many there are by now."""

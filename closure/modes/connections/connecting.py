@@ -27,7 +27,7 @@ from closedchain.closure.modes.connections.window import (
     names_and_ranges,
     window_of,
 )
-from closedchain.closure.progress import Progress, Reached
+from closedchain.closure.progress import Count, Progress
 from closedchain.closure.solve.alone import least_share
 from closedchain.closure.solve.problem import Problem, problem_of
 from closedchain.urdf.description import OUTPUTS
@@ -120,7 +120,7 @@ def connections_of(
     branches = Branches(chart, limits)
     wanted = Wanted(ranges, resolution, limits)
 
-    def report(what: str) -> Reached:
+    def report(what: str) -> Count:
         return lambda count: progress(what, count, 0) if progress is not None else None
 
     wanted = fitted(chart, wanted, followed.q, branches, report("fitting the window"))

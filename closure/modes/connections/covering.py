@@ -18,7 +18,7 @@ from closedchain.closure.modes.connections.window import Window
 from closedchain.closure.modes.seeking import unwound
 from closedchain.closure.modes.shapes import shapes_of
 from closedchain.closure.nearest import LIMIT_TOLERANCE
-from closedchain.closure.progress import Reached
+from closedchain.closure.progress import Count
 from closedchain.closure.solve.control import CLOSED
 from closedchain.closure.solve.hops import SMALLEST_STEP
 from closedchain.closure.solve.outcome import Ending
@@ -165,7 +165,7 @@ class Covering:
 
 
 def covering_of(
-    window: Window, q: np.ndarray, branches: Branches, report: Reached | None = None
+    window: Window, q: np.ndarray, branches: Branches, report: Count | None = None
 ) -> Covering:
     """Covering that modes (n, nq) of a window lead to."""
     work = _Filling(window, branches)
