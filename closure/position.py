@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from closedchain.closure.branchless import anywhere, closed_near, not_closed
 from closedchain.closure.constraints import flipped_axes
 from closedchain.closure.generic import dimensionless_jacobian, generic_ranks
-from closedchain.closure.given import LARGEST_SQUARE
+from closedchain.closure.given import LARGEST_SQUARE, real_array
 from closedchain.closure.mechanism import Mechanism
 from closedchain.closure.nearest import beyond_limits, limit_note
 from closedchain.closure.ranks import null_space, numerical_rank
@@ -289,7 +289,7 @@ def solve_many(problem: Problem, end: np.ndarray, guess: ArrayLike | None) -> So
 def _poses(poses: Sequence[pin.SE3] | np.ndarray) -> np.ndarray:
     """Targets (n, POSE) of poses. Raises ``ClosureError``."""
     if isinstance(poses, np.ndarray) and poses.dtype != object:
-        found = np.array(poses, dtype=float)
+        found = real_array(poses, "pose", f"a pin.SE3, or (n, {POSE}) finite numbers")
     elif isinstance(poses, Sequence) and all(isinstance(pose, pin.SE3) for pose in poses):
         found = np.array([pin.SE3ToXYZQUAT(pose) for pose in poses]).reshape(-1, POSE)
     else:

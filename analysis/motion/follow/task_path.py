@@ -102,7 +102,7 @@ def task_path(
     True
     """
     places = _numbers(positions, "positions", (3,))
-    instants = np.atleast_1d(np.asarray(times, dtype=float))
+    instants = np.atleast_1d(real_array(times, "times"))
     if axes is not None and rotations is not None:
         raise ClosureError("give axes or rotations of the tip, not both")
     home = mechanism.pose(mechanism.home).rotation
@@ -228,7 +228,7 @@ def _from_arrays(
     if len(arrays) == 2:
         return task_path(mechanism, *arrays)
     times, positions, turns = arrays
-    shape, n = np.shape(turns), len(np.atleast_1d(np.asarray(times, dtype=float)))
+    shape, n = np.shape(turns), np.size(times)
     if len(shape) == 3 or (shape == (3, 3) and n != 3):
         return task_path(mechanism, times, positions, rotations=turns)
     return task_path(mechanism, times, positions, axes=turns, outputs=outputs)

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from closedchain.closure.chart import Chart, joint_index
 from closedchain.closure.charting import At, chart_of
+from closedchain.closure.given import real_array
 from closedchain.closure.mechanism import Mechanism
 from closedchain.closure.modes.choosing import by_pose, mode_posture
 from closedchain.urdf.errors import ClosureError
@@ -129,7 +130,8 @@ def grid_of(
     for name, axis in zip(names, values, strict=True):
         _check_turn(mechanism, name, axis)
     for name, value in at.items() if isinstance(at, Mapping) else ():
-        _check_turn(mechanism, str(name), np.atleast_1d(np.asarray(value, dtype=float)))
+        held = real_array(value, f"the value of {str(name)!r}", "a number")
+        _check_turn(mechanism, str(name), np.atleast_1d(held))
     if start is None:
         chart = chart_of(mechanism, names, at, outputs)
     else:
@@ -141,15 +143,10 @@ def grid_of(
 
 
 def _axis(name: str, values: ArrayLike) -> np.ndarray:
-    try:
-        axis = np.array(values, dtype=float)
-    except (TypeError, ValueError):
-        axis = np.zeros(0)
+    wanted = "at least two finite, rising numbers, such as np.linspace(0.1, 0.2, 50)"
+    axis = real_array(values, f"values of {name!r}", wanted)
     if axis.ndim != 1 or axis.size < 2 or not np.isfinite(axis).all() or (np.diff(axis) <= 0).any():
-        raise ClosureError(
-            f"values of {name!r} must be at least two finite, rising numbers, such as "
-            "np.linspace(0.1, 0.2, 50)"
-        )
+        raise ClosureError(f"values of {name!r} must be {wanted}")
     return axis
 
 

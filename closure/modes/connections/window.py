@@ -11,7 +11,7 @@ import numpy as np
 from closedchain.closure.chart import Chart, joint_index
 from closedchain.closure.given import real_array
 from closedchain.closure.turns import tied, turning
-from closedchain.urdf.errors import ClosureError
+from closedchain.urdf.errors import ClosureError, known_names
 
 RESOLUTION = {1: 400, 2: 60, 3: 16}
 """Cells along an axis, by the number of coordinates."""
@@ -174,8 +174,13 @@ def window_of(chart: Chart, wanted: Wanted) -> Window:
     Raises
     ------
     ClosureError
-        A range that does not hold the modes' value, a resolution that is none.
+        A range that does not hold the modes' value, a resolution that is none or of what does not
+        vary.
     """
+    if isinstance(wanted.resolution, Mapping):
+        for name in wanted.resolution:
+            if name not in chart.names:
+                raise ClosureError(known_names(str(name), "coordinate that varies", chart.names))
     axes, whole = [], []
     for name, x in zip(chart.names, chart.values(chart.start).tolist(), strict=True):
         cells = _cells(wanted.resolution, name, len(chart.names))
