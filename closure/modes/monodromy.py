@@ -38,9 +38,8 @@ LOOPS_OF_SLICES = 2
 WIDE_SLICES = (1.0, 3.0)
 DETOURS = 3
 MOST = 2000  # solutions
-POINTS = (200, 4)  # of a slice at most: so many, and so many for each solution
+POINTS = (500, 20)  # of a slice at most: so many, and so many for each solution
 TRIALS = 6  # of the trace test, each with more loops
-ASTRAY = 2  # trials in which points could not be followed
 S, NEXT = 1.0, 0.4 + 0.3j  # s at first, and its steps
 BENT = 1e-6
 """Share of their bends, added without signs, that the sum over all points may bend."""
@@ -138,7 +137,8 @@ def _traced(
     here = slices.at(start, S)
     moved = slices.paths.track(start, here, begin)
     points = moved.q[moved.good]
-    most, astray = POINTS[0] + POINTS[1] * len(q), 0
+    most = POINTS[0] + POINTS[1] * len(q)
+    goes: bool | None = False
     for _ in range(TRIALS):
         tell(len(q))
         if not len(points):
@@ -148,10 +148,9 @@ def _traced(
             for wide in np.resize(WIDE_SLICES, LOOPS_OF_SLICES)
         ]
         points = closed_under(slices.paths, telling, ways, points, most, lambda _: tell(len(q)))
-        goes = straight(slices, here, points)
-        astray += goes is None
-        if len(points) > most or astray == ASTRAY:
+        if len(points) > most:
             return q, None
+        goes = straight(slices, here, points)
         if not goes:
             continue
         back = slices.paths.track(here, start, points)
@@ -159,23 +158,25 @@ def _traced(
         home = home[np.abs(home[:, -1] - start.given[-1]) < 1e-6]
         every = merged(shapes.of, q, home[:, :-1])
         return every, len(points) if len(home) == len(every) else 0
-    return q, 0
+    return q, None if goes is None else 0
 
 
 def straight(slices: Slices, here: Place, points: np.ndarray) -> bool | None:
     """Whether the sums of z and of y over points go straight as the slice moves.
 
-    None where not all points could be followed.
+    None where they do not, and not all points could be followed. Those next to infinity hardly
+    move: taken where their paths stopped, they do not bend a sum that is straight.
     """
-    found = []
+    found, all_good = [], True
     place, q = here, points
     for k in range(3):
         if k:
             there = slices.at(place, S + k * NEXT)
             end = slices.paths.track(place, there, q)
-            if not end.good.all():
-                return None
+            all_good = all_good and bool(end.good.all())
             place, q = there, end.q
         found.append(np.stack([q[:, -1], slices.y(place, q)]))
     bends = found[0] - 2.0 * found[1] + found[2]
-    return bool((np.abs(bends.sum(axis=1)) <= BENT * np.abs(bends).sum(axis=1) + 1e-9).all())
+    size = np.abs(bends).sum(axis=1)
+    goes = bool((np.abs(bends.sum(axis=1)) <= BENT * size + 1e-9).all())
+    return goes if goes or all_good else None
