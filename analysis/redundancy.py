@@ -161,7 +161,8 @@ class Redundancy:
             raise ClosureError(
                 "there is no map from inputs to outputs to be split: "
                 + (
-                    f"{self.surplus} input(s) more than freedoms have to agree with the others"
+                    f"there are {len(self._names)} inputs for "
+                    f"{len(self._names) - self.surplus} freedoms, so they have to agree"
                     if self.surplus > 0
                     else "the inputs do not determine the motion (a direct singularity, or "
                     "freedoms that are not driven)"
@@ -170,7 +171,8 @@ class Redundancy:
         count = len(self._names) - len(self.outputs)
         if len(set(names)) != count or len(names) != count:
             raise ClosureError(
-                f"G is square with {count} distinct input(s) free, got {' '.join(names) or 'none'}"
+                f"G is square with {count} distinct input{'s' * (count != 1)} free, "
+                f"got {' '.join(names) or 'none'}"
             )
         chosen = tuple(n for n in self._names if n not in names)
         here = [self._names.index(n) for n in chosen]
@@ -296,9 +298,13 @@ def _text(
     locks: Mapping[tuple[str, ...], float],
 ) -> str:
     mechanism = at.mechanism
+    left = inputs.shape[1]
+    remain = (
+        "1 freedom of motion remains" if left == 1 else f"{left or 'no'} freedoms of motion remain"
+    )
     lines = [
-        f"{mechanism.name}: with outputs {' '.join(at.outputs)} at rest, {inputs.shape[1]} "
-        f"freedom(s) of motion remain; [K; J] has {rank}."
+        f"{mechanism.name}: with outputs {' '.join(at.outputs)} at rest, {remain}; "
+        f"[K; J] has {rank}."
     ]
     for column in inputs.T:
         if not column.any():

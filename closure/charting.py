@@ -172,7 +172,7 @@ def _filled(
         raise ClosureError(
             f"{' '.join((*task, *joints))} do not fix the posture at the start: it is singular "
             "for these coordinates, so no branch can be followed from it. Give a posture elsewhere "
-            "(at=), or other coordinates or outputs"
+            "(at=, --at), or other coordinates or outputs"
         )
     # in the mechanism's own order, whatever the order of the request
     return tuple(sorted(joints, key=joint_names(mechanism).index))

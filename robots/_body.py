@@ -12,6 +12,7 @@ from closedchain.closure import Closure, Mechanism
 from closedchain.robots._visuals import read_visuals
 
 _STICK, _JOINT, _CLOSURE, _GAP = 0x5A5E66, 0xE3BF58, 0x6B3D6B, 0xD0021B
+_GROUND = 0xB9C0CA  # of sticks in a base that has shapes: they say what it carries, and are no rods
 _OPEN = 1e-6  # [m, rad] that a closure which is drawn as open is open by
 
 Fixed = tuple[int, np.ndarray]  # a point (3,) [m] in the frame of a Pinocchio joint
@@ -140,7 +141,8 @@ def _sticks(
     import meshcat.geometry as shapes
 
     spots = {name: frame_point(mechanism, name) for name in mechanism.frame_ids}
-    dressed = set() if visuals is None else {o.parentJoint for o in visuals.geometryObjects} - {0}
+    shaped = set() if visuals is None else {o.parentJoint for o in visuals.geometryObjects}
+    dressed = shaped - {0}
     joints = [j for j in mechanism.description.joints if j.type != "floating"]
     sticks = [(spots[j.parent], spots[j.child]) for j in joints]
     rods: list[tuple[Fixed, Fixed]] = []
@@ -156,16 +158,17 @@ def _sticks(
     every = np.stack([in_world(poses, p) for p in (*spots.values(), *closed)], axis=1)
     radius = 0.5 * float(np.linalg.norm(np.ptp(every.reshape(-1, 3), axis=0))) or mechanism.length
     width = radius * (0.011 if visuals is None else 0.005)
-    material = shapes.MeshLambertMaterial(color=_STICK)
     parts: list[Part | Stick] = []
     # a rod is no body: whatever its ends are on, it is drawn
-    sticks = [stick for stick in sticks if stick[0][0] not in dressed] + rods
-    for i, (begin, end) in enumerate(sticks):
+    drawn = [(stick, _GROUND if stick[0][0] in shaped else _STICK) for stick in sticks
+             if stick[0][0] not in dressed] + [(rod, _STICK) for rod in rods]  # fmt: skip
+    for i, ((begin, end), colour) in enumerate(drawn):
         begins, ends_ = in_world(poses, begin), in_world(poses, end)
         # a prismatic joint lengthens its stick from posture to posture
         longest = float(np.linalg.norm(ends_ - begins, axis=1).max())
         if longest > 1e-6 * radius:
             node = view["sticks"][str(i)]
+            material = shapes.MeshLambertMaterial(color=colour)
             node.set_object(shapes.Cylinder(longest, width), material)
             node.set_transform(_along(begins[0], ends_[0], longest))
             parts.append(Stick(node.path.lower(), begin, end, longest))

@@ -260,11 +260,11 @@ def _rounded(step: float) -> str:
 
 
 def _readouts(mechanism: Mechanism, reach: Reach | None) -> str:
-    rows = ['<tr><th>loops open by</th><td id="residual"></td></tr>']
+    rows = ['<tr><th>loop error [m, rad]</th><td id="residual" colspan="2"></td></tr>']
     if mechanism.task is not None:
         tip = html.escape(mechanism.task.tip)
-        rows.append(f'<tr><th>tip {tip}, x y z</th><td id="tip-place" colspan="2"></td></tr>')
-        rows.append('<tr><th>roll pitch yaw</th><td id="tip-turn" colspan="2"></td></tr>')
+        rows.append(f'<tr><th>tip {tip}, x y z [m]</th><td id="tip-place" colspan="2"></td></tr>')
+        rows.append('<tr><th>roll pitch yaw [rad]</th><td id="tip-turn" colspan="2"></td></tr>')
     if reach is not None:
         rows.append('<tr><th>posture</th><td id="kinds" colspan="2"></td></tr>')
         rows.append('<tr><th>types (Zlatanov)</th><td id="types" colspan="2"></td></tr>')
@@ -275,9 +275,9 @@ def _readouts(mechanism: Mechanism, reach: Reach | None) -> str:
             for kind in ("direct", "inverse")
         ]
         if reach.count > 1:
-            rows.append('<tr><th>evenness of the tip</th><td id="evenness"></td></tr>')
+            rows.append('<tr><th>isotropy of the tip</th><td id="evenness" colspan="2"></td></tr>')
         rows.append(
-            f'<tr><th>effort for {reach.load}, at most</th><td id="effort-per-force"></td>'
+            f'<tr><th>most effort for {reach.load}</th><td id="effort-per-force"></td>'
             f"<td>{_effort_units(mechanism)}</td></tr>"
         )
     joints = "".join(

@@ -17,6 +17,7 @@ from closedchain.robots.animation import Animation, Readout
 from closedchain.robots.overlays import Polyline, css_colour
 
 _SPARKS = 300  # points of a small curve
+_STILL = 1e-6  # share of a number below which its changes are drawn as none: rounding, drift
 _LEFT, _ACROSS, _UP = 46.0, 220.0, 30.0  # its place and size, in pixels of a wide page
 
 
@@ -125,13 +126,17 @@ def _readout_rows(animation: Animation, kept: np.ndarray) -> str:
 
 def _row(readout: Readout, times: np.ndarray, few: np.ndarray) -> str:
     low, high = float(readout.values.min()), float(readout.values.max())
+    still = high - low <= _STILL * max(abs(low), abs(high))
+    if still:
+        low = high = 0.5 * (low + high)
     across = _LEFT + _ACROSS * (times[few] - times[0]) / (times[-1] - times[0])
-    down = _UP + 2.0 - _UP * shares(readout.values[few], (low, high))
+    shown = np.full(len(few), low) if still else readout.values[few]
+    down = _UP + 2.0 - _UP * shares(shown, (low, high))
     curve = " ".join(f"{x:.1f},{y:.1f}" for x, y in zip(across, down, strict=True))
     least, most = spelled(np.array([low, high]), (low, high))
     right, base = _LEFT + _ACROSS, _UP + 4.0
     numbers = [(_LEFT - 4, 9, "end", most), (_LEFT - 4, base, "end", least)]
-    if low == high:
+    if still:
         numbers = [(_LEFT - 4, 0.5 * base + 3, "end", most)]
     ends = spelled(times[[0, -1]], (float(times[0]), float(times[-1])))
     numbers += [(_LEFT, base + 9, "start", ends[0]), (right, base + 9, "end", f"{ends[1]} s")]

@@ -210,15 +210,18 @@ class Browser:
         """End the browser."""
         try:
             self.tell("Browser.close", session=None)
+            self.loop.run_until_complete(self._hung_up())
         finally:
-            self.socket.close()
-            self.loop.run_until_complete(asyncio.sleep(0))
             try:
                 self.process.wait(10)
             except subprocess.TimeoutExpired:
                 self.process.kill()
                 self.process.wait(10)
             self.loop.close()
+
+    async def _hung_up(self) -> None:
+        self.socket.close()
+        await asyncio.sleep(0)
 
     def __enter__(self) -> Browser:
         """The browser itself."""

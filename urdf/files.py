@@ -48,8 +48,12 @@ def describe_file(
         raise DescriptionError("robot.yaml must be given as a file, since its URDF lies beside it")
     text, file = read_source(source)
     if file is not None and not text.lstrip("\ufeff \t\r\n").startswith("<"):
+        try:
+            sidecar = robot_yaml.read_sidecar(text)
+        except DescriptionError as error:
+            raise DescriptionError(f"{file}: {error}; known: {_KNOWN}") from None
         _refuse_parameters(parameters, "robot.yaml")
-        return _beside(text, file, xacro)
+        return _beside(sidecar, Path(file), xacro)
     root = etree.QName(elements.document(text)).localname
     if root == "robot":
         found = load_description(source, parameters, xacro=xacro)
@@ -74,10 +78,8 @@ def _refuse_parameters(parameters: Mapping[str, ParameterValue], what: str) -> N
         )
 
 
-def _beside(text: str, file: str, xacro: bool) -> Description:
+def _beside(sidecar: robot_yaml.Sidecar, path: Path, xacro: bool) -> Description:
     """URDF beside a ``robot.yaml``, with what that says."""
-    sidecar = robot_yaml.read_sidecar(text)
-    path = Path(file)
     names = (f"{path.stem}.urdf", "robot.urdf")
     urdf = next((path.with_name(n) for n in names if path.with_name(n).is_file()), None)
     if urdf is None:

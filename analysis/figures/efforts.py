@@ -53,7 +53,10 @@ def draw_efforts(
                     ax.plot(found.times, found.inputs[:, i], label=name, **stroke(i))
             unit = "W" if panel == "power" else "N" if panel == "m" else "N m"
             ax.set_ylabel(f"{'power' if panel == 'power' else 'effort'} [{unit}]")
-        ax.legend(fontsize=8, ncols=3)
+        ax.legend(  # beside the panel: lines may be anywhere in it
+            loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize=8
+        )
     axes[-1].set_xlabel("time [s]")
-    figure.suptitle(found.mechanism.name)
+    what = "inputs and joints" if joints else "inputs"
+    figure.suptitle(f"{found.mechanism.name}: efforts and powers of {what}")
     save_figure(figure, image, words_of(figure), dpi)

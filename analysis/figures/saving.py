@@ -42,17 +42,16 @@ def words_of(figure: Figure) -> str:
     said = _headings(figure)
     for ax in figure.axes:
         title = ax.get_title() or ax.get_title("left") or ax.get_ylabel()
-        lines = [words for line in ax.lines if (words := _words_of_line(line))]
-        for part in ax.collections:
-            array = part.get_array()
-            if array is None or not (finite := np.ma.masked_invalid(array).compressed()).size:
-                continue
-            if finite.min() < finite.max():  # no cells of one colour, which only fill
-                lines.append(f"colours from {finite.min():.3g} to {finite.max():.3g}")
-        if lines and title:
-            beside = f" [{ax.get_ylabel()}]" if ax.get_ylabel() not in ("", title) else ""
-            over = f" over {ax.get_xlabel()}" if ax.get_xlabel() else ""
+        if not title:
+            continue
+        across, up = ax.get_xlabel(), ax.get_ylabel()
+        if lines := _words_of_lines(ax):
+            beside = "" if up in ("", title) else f" {up}" if up.startswith("[") else f", {up},"
+            over = f" over {across}" if across else ""
             said.append(f"{title}{beside}{over}: {', '.join(lines)}")
+        if colours := _words_of_colours(ax):
+            over = f" over {' and '.join(filter(None, (across, up)))}" if across or up else ""
+            said.append(f"{title}{over}: {', '.join(colours)}")
     return " ".join(f"{one.rstrip('.')}." for one in said)
 
 
@@ -63,11 +62,28 @@ def _headings(figure: Figure | SubFigure) -> list[str]:
     return [" ".join(text.split()) for text in texts if text]
 
 
-def _words_of_line(line: Any) -> str:
-    values = np.asarray(line.get_ydata(), dtype=float)
-    finite = values[np.isfinite(values)]
-    if finite.size < 2:
-        return ""
-    label = str(line.get_label())
-    name = "a line" if label.startswith("_") else label
-    return f"{name} from {finite.min():.3g} to {finite.max():.3g}"
+def _words_of_lines(ax: Any) -> list[str]:
+    """Names and ranges of the lines; without those that only guide the eye beside named ones."""
+    lines = [
+        (str(line.get_label()), np.asarray(line.get_ydata(), dtype=float)) for line in ax.lines
+    ]
+    named = any(not label.startswith("_") for label, _ in lines)
+    said = []
+    for label, values in lines:
+        finite = values[np.isfinite(values)]
+        if finite.size < 2 or (named and label.startswith("_")):
+            continue
+        name = "a line" if label.startswith("_") else label
+        said.append(f"{name} from {finite.min():.3g} to {finite.max():.3g}")
+    return said
+
+
+def _words_of_colours(ax: Any) -> list[str]:
+    """Ranges of the coloured cells, without cells of one colour, which only fill."""
+    said = []
+    for part in ax.collections:
+        array = part.get_array()
+        finite = np.zeros(0) if array is None else np.ma.masked_invalid(array).compressed()
+        if finite.size and finite.min() < finite.max():
+            said.append(f"colours from {finite.min():.3g} to {finite.max():.3g}")
+    return said

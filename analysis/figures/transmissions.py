@@ -67,16 +67,19 @@ def _polygons(ax: Any, found: xr.Dataset, joints: list[str]) -> None:
         if not np.isfinite(points).all() or np.linalg.matrix_rank(points - points[0]) < 2:
             continue
         ring = points[ConvexHull(points).vertices]
-        at = ", ".join(f"{found[n].values[i]:.3g}" for n, i in zip(joints, place, strict=True))
-        ax.plot(*np.vstack([ring, ring[:1]]).T, label=f"at {at}")
+        at = zip(
+            joints, (found[n].values[i] for n, i in zip(joints, place, strict=True)), strict=True
+        )
+        label = ", ".join(f"{name} {value:.3g}" for name, value in at)
+        ax.plot(*np.vstack([ring, ring[:1]]).T, label=label, **stroke(len(ax.lines)))
     ax.axhline(0.0, color="black", lw=0.6)
     ax.axvline(0.0, color="black", lw=0.6)
     units = ["N" if found[n].attrs["units"] == "m" else "N m" for n in joints]
     ax.set(
         xlabel=f"effort of {joints[0]} [{units[0]}]", ylabel=f"effort of {joints[1]} [{units[1]}]"
     )
-    ax.set_title("both efforts together")
-    ax.legend(fontsize=7)
+    ax.set_title("both efforts together, at")
+    ax.legend(loc="center", fontsize=7)  # inside of the parallelograms
 
 
 def _panels(found: xr.Dataset, joints: list[str]) -> list[tuple[str, dict[str, np.ndarray]]]:

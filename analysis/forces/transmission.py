@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -71,12 +71,50 @@ def transmission(
             f"{', '.join(loose)} can move with the joints {', '.join(joints)} at rest"
         )
     if numerical_rank(motions[rows]).value < len(columns):
-        found = ", ".join(chosen) or "none"
         raise ClosureError(
-            f"the motors ({found}) do not determine the joints {', '.join(joints)}: are there "
-            "too few inputs, or joints that other inputs move as well?"
+            _undetermined(mechanism, motions, joints, chosen if motors is not None else None)
         )
     return Transmission(mechanism, tuple(joints), chosen)
+
+
+def _undetermined(
+    mechanism: Mechanism,
+    motions: np.ndarray,
+    joints: Sequence[str],
+    motors: Sequence[str] | None,
+) -> str:
+    """Why motors, given or found (None), do not determine joints, and what would do."""
+    said = ", ".join(joints)
+    if motors is not None:
+        return f"the motors {', '.join(motors)} do not determine the joints {said}: name more"
+    for name, moved_by in _completions(mechanism, motions, joints):
+        return (
+            f"the inputs that move {said} move other joints as well: name {name} beside "
+            f"{'it' if len(joints) == 1 else 'them'}, and {', '.join(moved_by)} determine all"
+        )
+    return (
+        f"no inputs are at rest whenever the joints {said} are and determine them: there are too "
+        "few inputs, or they move other joints as well"
+    )
+
+
+def _completions(
+    mechanism: Mechanism, motions: np.ndarray, joints: Sequence[str]
+) -> Iterator[tuple[str, tuple[str, ...]]]:
+    """Passive joints which, beside those given, are determined by inputs, and these inputs."""
+    model = mechanism.model
+    columns = [joint_column(mechanism, name) for name in joints]
+    driven = {*columns, *map(int, mechanism.input_v)}
+    for i in range(1, model.njoints):
+        if model.nvs[i] != 1 or int(model.idx_vs[i]) in driven:
+            continue
+        more = [*columns, int(model.idx_vs[i])]
+        if numerical_rank(motions[more]).value < len(more):
+            continue
+        motors = _motors_of(mechanism, motions, more)
+        rows = [int(mechanism.input_v[mechanism.inputs.index(name)]) for name in motors]
+        if rows and numerical_rank(motions[rows]).value == len(more):
+            yield str(model.names[i]), motors
 
 
 def _motors_of(

@@ -151,7 +151,7 @@ def loops(mechanism: Mechanism) -> LoopGraph:
     Examples
     --------
     >>> print(cc.loops(cc.load("linear_delta")).text.splitlines()[0])
-    linear_delta: 17 bodies, 21 pairs with 21 freedoms, 5 independent loop(s).
+    linear_delta: 17 bodies, 21 pairs with 21 freedoms, 5 independent loops.
     """
     description = mechanism.description
     bodies = _bodies(description)
@@ -261,7 +261,8 @@ def _shared(one: str, two: str) -> str:
 def _text(graph: LoopGraph) -> str:
     lines = [
         f"{graph.name}: {len(graph.bodies)} bodies, {len(graph.pairs)} pairs with "
-        f"{graph.freedoms} freedoms, {len(graph.loops)} independent loop(s)."
+        f"{graph.freedoms} freedoms, {len(graph.loops)} independent "
+        f"loop{'s' * (len(graph.loops) != 1)}."
     ]
     for number, loop in enumerate(graph.loops, 1):
         walk = " ".join(

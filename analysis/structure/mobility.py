@@ -201,7 +201,8 @@ def _text(
         lines.append("SS is a rod between two balls that has no spin of its own and is no link.")
     redundant = mechanism.rows - rank.value
     if redundant:
-        lines.append(f"{redundant} closure rows are redundant and consistent (overconstrained).")
+        rows = "1 closure row is" if redundant == 1 else f"{redundant} closure rows are"
+        lines.append(f"{rows} redundant and consistent (overconstrained).")
     if gruebler != degrees:
         lines.append("The count differs from the mobility: it knows no special geometry.")
     if generic.at_home < rank.value:

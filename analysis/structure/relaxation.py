@@ -81,8 +81,7 @@ class Relaxed:
 
     def __str__(self) -> str:
         """What is put for what, where."""
-        article = "an" if self.becomes[0] in "aeiou" else "a"
-        return f"{article} {self.becomes} instead of the {self.was} {self.joint}"
+        return f"a {self.becomes} instead of the {self.was} {self.joint}"
 
 
 @dataclass(frozen=True)

@@ -103,11 +103,14 @@ def method(data: xr.Dataset, sets: Iterable[DrawableSet]) -> str:
     )
 
 
-def caption(data: xr.Dataset, sets: Iterable[DrawableSet]) -> str:
-    """All that is to be said of a map and its sets: what is held, outputs, branch, how found."""
+def caption(data: xr.Dataset, sets: Iterable[DrawableSet], *, notes: bool = True) -> str:
+    """What is to be said of a map and its sets: what is held, outputs, branch, how found.
+
+    ``notes``: also how each set was sought where that is not as usual.
+    """
     sets = list(sets)
     name = str(data.attrs.get("mechanism", "")) or "mechanism"
-    accounts = [account(found) for found in sets]
+    accounts = [account(found, notes=notes) for found in sets]
     said = [f"{text[0].upper()}{text[1:]}." for text in accounts]
     return " ".join([f"{name}: {heading(data)}.", *said, method(data, sets)])
 

@@ -129,7 +129,7 @@ class Survey:
     @property
     def details(self) -> tuple[str, ...]:
         """How sets were sought where that is not as usual, and what led to nothing."""
-        sets = [(part.name, found) for part in self.slices for found in part.sets]
+        sets = [(" × ".join(part.over), found) for part in self.slices for found in part.sets]
         said: dict[tuple[str, str], list[str]] = {}
         for name, found in sets:
             if found.note:
@@ -218,7 +218,7 @@ def survey(
         except ClosureError as error:
             if asked:
                 raise
-            left_out.setdefault(str(error), []).append(" x ".join(over))
+            left_out.setdefault(str(error), []).append(" × ".join(over))
         else:
             chosen.append((axes, held))
     notes = [f"no slice over {', nor '.join(o)}: {why}" for why, o in left_out.items()]

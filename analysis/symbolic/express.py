@@ -15,6 +15,7 @@ Expr = Any
 """sympy expression."""
 
 _LARGE = 40  # terms beyond which products of cosines are left as they are
+_TAKEN = ("sin", "cos", "tan", "sqrt", "pi")  # words of formulas, no names of symbols
 
 
 @dataclass(frozen=True)
@@ -47,6 +48,12 @@ class Symbols:
             if name not in coordinates and name not in parameters:
                 known = ", ".join([*parameters, *coordinates])
                 raise ClosureError(f"names: no joint or parameter {name!r}; known: {known}")
+        for name, text in names.items():
+            if not text.isidentifier() or text in _TAKEN:
+                raise ClosureError(
+                    f"names: {text!r} is no symbol for {name!r}: letters, digits and _ make one, a "
+                    f"letter first, other than {', '.join(_TAKEN)}"
+                )
         chosen: dict[str, str] = {p: names.get(p, p) for p in parameters}
         for name in coordinates:
             wanted = names.get(name, inputs.get(name, _short(name)))

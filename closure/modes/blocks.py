@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from closedchain.closure.modes.complex_equations import ComplexEquations
-from closedchain.closure.modes.path_tapes import BOUND
+from closedchain.closure.modes.path_control import BOUND
 from closedchain.closure.modes.paths import Paths
 from closedchain.closure.modes.places import random_place, random_postures
 from closedchain.closure.modes.systems import (

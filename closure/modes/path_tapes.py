@@ -19,25 +19,20 @@ from closedchain.closure.modes.complex_tape import (
     root,
     squared,
 )
+from closedchain.closure.modes.path_control import (
+    BOUND,
+    FAR,
+    HIGH,
+    HUGE,
+    LEAST,
+    REST,
+    SCALARS,
+    SHIFT,
+    choice,
+    scalars_after,
+)
 from closedchain.closure.modes.systems import System
 from closedchain.closure.tape.expression import Expr, Graph, Tape
-
-SMALLEST, LARGEST = 1e-8, 0.25  # steps along a path
-SHORT = 0.01  # relative: largest first correction of an accepted step
-AIM = 0.003  # the first correction that is aimed at
-CONTRACTION = 0.25
-ITERATIONS = 4
-SOLVED = 1e-10  # relative correction of a solution
-NEXT_BELOW_ROUNDING = 1e-6  # correction after which the next, by quadratic convergence, is nothing
-NEXT_BELOW_NEED = 1e-4  # the same on the way, where the error is to be far below ``AIM``
-SHIFT, LEAST, REST = 1e-3, 1e-7, 0.1
-"""The slope is seen from this share of a step ahead; at least so far, or this share of the rest."""
-
-FAR = 1e6  # dimensionless: lengths beyond are at infinity
-HIGH = 16.0  # imaginary part of an angle beyond which it is
-BOUND = 0.7  # longest step from afar, relative
-CLOSED = 1e-7  # of steps from afar: the posture is closed
-NEWTON = 60.0  # steps from afar at most
 
 LEFT = 1e-4
 """Share of the rows that a step may leave of the linear equations."""
@@ -45,18 +40,7 @@ LEFT = 1e-4
 ROUNDING = 1e-11
 """Dimensionless: what rounding leaves of them."""
 
-SLOPE, CORRECTING, AFAR = 0.0, 1.0, 2.0
-"""What is done next: the slope here, a correction of the trial, a bounded step from afar."""
-
-LOST, ARRIVED, RUNNING, ASKING = 0.0, 1.0, -1.0, -2.0
-"""Status; ``ASKING`` for Newton's step by other means."""
-
-SCALARS = ("share", "step", "length", "count", "last", "first", "phase", "status")
-"""Share of the way that is behind, share of the next step, of the step before (0: there was none),
-corrections so far, size of the last and the first one, what is done next, status."""
-
 VECTORS = ("here", "trial", "slope", "before", "slope_before")
-HUGE = 1e300
 
 
 @dataclass(frozen=True, eq=False)
@@ -189,70 +173,27 @@ class PathTapes:
 
     def _decided(self, lane: Lane, seen: Seen, fine: Expr | None, inputs: int) -> Tape:
         """The tape of what becomes of a path; where it is not fine, it asks."""
-        g, s, v, size = lane.graph, lane.scalars, lane.vectors, seen.size
-        running = (s["status"] < 0.0) & (s["status"] > ASKING)
-        asks = ~(s["status"] > ASKING)
-        if fine is not None:
-            now, asks = running & fine, running & ~fine
-        else:
-            now = asks
-        sloping, afar = now & (s["phase"] < 0.5), now & (s["phase"] > 1.5)
-        correcting = now & ~(s["phase"] < 0.5) & ~(s["phase"] > 1.5)
-        # corrections
-        opening, at_end = s["count"] < 0.5, ~(lane.tried < 1.0)
-        first = opening.select(size, s["first"])
-        bad = ~(size < SHORT) | (~(size < CONTRACTION * s["last"]) & ~(size < SOLVED))
-        enough = at_end.select(NEXT_BELOW_ROUNDING, NEXT_BELOW_NEED)
-        solved = ~bad & ((size < SOLVED) | ((size < enough) & ~opening))
-        late = s["count"] > ITERATIONS - 1.5
-        accept = correcting & solved
-        refuse = correcting & ~solved & (bad | late)
-        goes_on = correcting & ~solved & ~(bad | late)
-        # steps: the predictor's error grows as the fourth power of their length
-        taken = s["step"].min(1.0 - s["share"])
-        ratio = (AIM * first.max(1e-9).recip()).sqrt().sqrt().max(0.5).min(2.0)
-        ahead = accept.select((ratio * taken).min(LARGEST), s["step"])
-        ahead = refuse.select(0.4 * taken, ahead)
-        share = accept.select(lane.tried, s["share"])
-        # numbers
-        inverse = lane.ahead.recip()
-        given = sloping & (size < HUGE)
-        bound = BOUND * size.max(BOUND).recip()
+        s, v, size = lane.scalars, lane.vectors, seen.size
+        c = choice(s, lane.tried, size, fine)
+        inverse, bound = lane.ahead.recip(), BOUND * size.max(BOUND).recip()
+        given, predicting = c.sloping & (size < HUGE), c.sloping | c.refuse
+        cubic = _Cubic.of(s["length"], c.ahead.min(1.0 - c.share))
         state: dict[str, list[Parts]] = {name: [] for name in VECTORS}
-        predicting = sloping | refuse
-        cubic = _Cubic.of(s["length"], ahead.min(1.0 - share))
         for k, (at, after) in enumerate(zip(seen.at, seen.after, strict=True)):
             x, y, slope, old, slope_old = (v[name][k] for name in VECTORS)
-            steep = _select(given, _scaled(_less(after, at), inverse), slope)
-            nearer = _plus(at, _scaled(_less(after, at), bound))
-            tried = _select(afar, nearer, _select(correcting & ~bad, after, y))
-            state["here"].append(_select(accept | afar, tried, x))
+            change = _less(after, at)
+            steep = _select(given, _scaled(change, inverse), slope)
+            tried = _select(c.afar, _plus(at, _scaled(change, bound)), _select(c.keeps, after, y))
+            state["here"].append(_select(c.accept | c.afar, tried, x))
             state["trial"].append(_select(predicting, cubic.at(x, steep, old, slope_old), tried))
             state["slope"].append(steep)
-            state["before"].append(_select(accept, x, old))
-            state["slope_before"].append(_select(accept, slope, slope_old))
-        # endings
-        gone = (accept | afar) & self._far(state["here"])
-        stuck = (refuse | (accept & ~at_end)) & (ahead < SMALLEST)
-        missed = afar & (~(size < HUGE) | (s["count"] > NEWTON - 1.5))
-        arrived = (accept & at_end) | (afar & (size < CLOSED))
-        status = arrived.select(ARRIVED, RUNNING)
-        status = (gone | stuck | missed).select(LOST, status)
-        status = asks.select(ASKING, status) if fine is not None else status
-        status = (now | asks).select(status, s["status"])
-        after_scalars = {
-            "share": share,
-            "step": ahead,
-            "length": accept.select(taken, s["length"]),
-            "count": (goes_on | afar).select(s["count"] + 1.0, now.select(0.0, s["count"])),
-            "last": goes_on.select(size, now.select(HUGE, s["last"])),
-            "first": correcting.select(first, s["first"]),
-            "phase": accept.select(SLOPE, sloping.select(CORRECTING, s["phase"])),
-            "status": status,
-        }
+            state["before"].append(_select(c.accept, x, old))
+            state["slope_before"].append(_select(c.accept, slope, slope_old))
+        far = self._far(state["here"])
+        now = scalars_after(s, c, size, far, asking=fine is not None)
         out = [x for name in VECTORS for parts in state[name] for x in parts]
-        out += [after_scalars[name] for name in SCALARS]
-        return g.tape([*out, now & (status < 0.0)], inputs)
+        out += [now[name] for name in SCALARS]
+        return lane.graph.tape([*out, c.now & (now["status"] < 0.0)], inputs)
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from closedchain.closure.modes.complex_tape import joined, parted
-from closedchain.closure.modes.path_tapes import (
+from closedchain.closure.modes.path_control import (
     AFAR,
     ARRIVED,
     ASKING,
@@ -22,9 +22,8 @@ from closedchain.closure.modes.path_tapes import (
     SCALARS,
     SHIFT,
     SLOPE,
-    VECTORS,
-    PathTapes,
 )
+from closedchain.closure.modes.path_tapes import VECTORS, PathTapes
 from closedchain.closure.modes.places import Place
 from closedchain.closure.modes.systems import System, sizes
 from closedchain.closure.tape.interpreter import outputs

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from closedchain.closure.modes.blocks import Block
-from closedchain.closure.modes.path_tapes import BOUND, CLOSED, FAR, HIGH, NEWTON
+from closedchain.closure.modes.path_control import BOUND, CLOSED, FAR, HIGH, NEWTON
 from closedchain.closure.modes.places import Place, random_postures
 from closedchain.closure.modes.systems import sizes
 from closedchain.closure.solve.square_systems import solutions

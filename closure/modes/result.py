@@ -246,9 +246,15 @@ class Postures:
                 "may be some."
             )
         least = int(self.hits.min())
+        hits = "once" if least == 1 else f"{least} times"
+        unseen = (
+            f"at least {self.unseen:.1f} more are unseen"
+            if self.unseen >= 0.05
+            else "there is no sign of others"
+        )
         return (
-            f"Searched: {self.starts} starts, no posture hit less than {least} times; by the hits "
-            f"{self.unseen:.1f} more may be unseen, at least. That none is missing is not proved."
+            f"Searched: {self.starts} starts, each posture hit at least {hits}; by the hits "
+            f"{unseen}. That none is missing is not proved."
         )
 
     @property

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import re
-import tempfile
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -49,6 +48,9 @@ def reading(
     for word in home:
         name, text = _split(word, "--home")
         values[name] = number(text, f"--home {name}")
+    for folder in package_dirs:
+        if not folder.is_dir():
+            raise BadArgumentError(f"--package-dir {folder}: there is no such folder")
     token = _READING.set(Reading(tolerance, values, tuple(package_dirs)))
     try:
         yield
@@ -115,6 +117,8 @@ def free_fall(robot: str, words: str | None, *, none: bool) -> list[float]:
 
     Raises ``BadArgumentError``.
     """
+    if none and words is not None:
+        raise BadArgumentError("--gravity and --no-gravity contradict each other: leave one out")
     if none:
         return [0.0, 0.0, 0.0]
     if words is None:
@@ -175,15 +179,17 @@ def measures(words: Iterable[str]) -> dict[str, TipMeasure]:
     return found
 
 
-def input_values(mechanism: Mechanism, words: Iterable[str], option: str = "") -> dict[str, float]:
+def input_values(
+    mechanism: Mechanism, words: Iterable[str], option: str = "input"
+) -> dict[str, float]:
     """Read ``name=value`` words about the inputs of a mechanism. Raises ``BadArgumentError``."""
     values: dict[str, float] = {}
     for word in words:
-        name, text = _split(word, option or "input")
-        _known_input(mechanism, name)
+        name, text = _split(word, option)
+        _known_input(mechanism, name, "" if option == "input" else f"{option}: ")
         if name in values:
-            raise BadArgumentError(f"input {name} is given twice")
-        values[name] = number(text, f"input {name}")
+            raise BadArgumentError(f"{option} {name} is given twice")
+        values[name] = number(text, f"{option} {name}")
     return values
 
 
@@ -314,9 +320,9 @@ def _split(word: str, what: str) -> tuple[str, str]:
     return name, text
 
 
-def _known_input(mechanism: Mechanism, name: str) -> None:
+def _known_input(mechanism: Mechanism, name: str, where: str) -> None:
     if name not in mechanism.inputs:
-        raise BadArgumentError(known_names(name, "input", mechanism.inputs))
+        raise BadArgumentError(f"{where}{known_names(name, 'input', mechanism.inputs)}")
 
 
 def _known_coordinate(mechanism: Mechanism, name: str, option: str) -> None:
@@ -347,9 +353,3 @@ def positive(value: float, what: str) -> None:
     """Refuse what is not a finite number above zero. Raises ``BadArgumentError``."""
     if not (math.isfinite(value) and value > 0.0):
         raise BadArgumentError(f"{what}: {value:g} is not above zero")
-
-
-def refuse_read_only(folder: Path) -> None:
-    """Find out before the work whether results can be written. Raises ``OSError``."""
-    with tempfile.TemporaryFile(dir=folder):
-        pass

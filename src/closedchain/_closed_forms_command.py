@@ -30,7 +30,7 @@ def closed_forms(
     no_xacro: NoXacro = False,
     json: Json = False,
 ) -> None:
-    """Singularities in closed form, for mechanisms whose legs decouple."""
+    """Singularities in closed form, where the legs decouple."""
     import closedchain as cc
 
     mechanism = arguments.load_robot(robot, settings or (), variant, xacro=not no_xacro)

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from closedchain import _arguments as arguments
+from closedchain._destinations import results_file, results_folder
 from closedchain._options import Json, NoXacro, Robot, Settings, Variant
 from closedchain._terminal import fail, print_json, say
 
@@ -46,9 +47,10 @@ def export(
     no_xacro: NoXacro = False,
     json: Json = False,
 ) -> None:
-    """Write a robot for another program, and say what its format leaves out.
+    """Write a robot for another program.
 
-    With --c or --js the position problems themselves are written: a program without dependencies.
+    What its format leaves out is said. With --c or --js the position problems themselves are
+    written: a program without dependencies.
     """
     import closedchain as cc
 
@@ -57,10 +59,13 @@ def export(
     mechanism = arguments.load_robot(robot, settings or (), variant, xacro=not no_xacro)
     for language, folder in (("c", c), ("js", js)):
         if folder is not None:
+            results_folder(folder)
             texts = cc.export_code(mechanism, language, name=name, number=number)
             _write_program(texts, folder, json)
             return
     assert form is not None
+    if out is not None:
+        results_file(out)
     text, losses = cc.export(mechanism, form, out)
     if json:
         print_json({"format": form, "file": None if out is None else str(out), "losses": losses}
@@ -75,7 +80,6 @@ def export(
 
 
 def _write_program(texts: dict[str, str], folder: Path, json: bool) -> None:
-    folder.mkdir(parents=True, exist_ok=True)
     for file, text in texts.items():
         (folder / file).write_text(text, encoding="utf-8")
     paths = [str(folder / file) for file in texts]

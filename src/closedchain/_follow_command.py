@@ -11,6 +11,7 @@ import typer
 
 from closedchain import _arguments as arguments
 from closedchain import _follow_words as words
+from closedchain._destinations import results_folder
 from closedchain._follow_report import report
 from closedchain._options import (
     Gravity,
@@ -25,7 +26,7 @@ from closedchain._options import (
 )
 from closedchain._statics_command import payloads, wrenches
 from closedchain._terminal import fail
-from closedchain.urdf.errors import known_names
+from closedchain.urdf.errors import ClosureError, known_names
 from closedchain.urdf.extras import require
 
 if TYPE_CHECKING:
@@ -99,11 +100,14 @@ def follow(
     no_xacro: NoXacro = False,
     json: Json = False,
 ) -> None:
-    """Follow a task over time and use the freedoms that it leaves, into a folder.
+    """Follow a task over time, into a folder.
 
-    Where it cannot be followed, says when and why, writes what was reached, and ends with 1.
+    The freedoms that it leaves are used. Where it cannot be followed, says when and why, writes
+    what was reached, and ends with 1.
     """
     import closedchain as cc
+    from closedchain._index_page import write_index
+    from closedchain.analysis.forces.loads import loads as checked_loads
     from closedchain.analysis.motion.follow.following import METHODS
     from closedchain.analysis.motion.follow.objectives import OBJECTIVES
     from closedchain.analysis.progress import reporting
@@ -128,13 +132,13 @@ def follow(
         options["gain"] = gain
     locks = words.locks(m, lock or ())
     wanted = words.read_task(m, robot, task, names)
-    loads = {
+    loads: dict[str, Any] = {
         "wrench": wrenches(m, wrench),
         "payload": payloads(payload),
         "gravity": arguments.free_fall(robot, gravity, none=False),
     }
-    out.mkdir(parents=True, exist_ok=True)
-    arguments.refuse_read_only(out)
+    checked_loads(m, **loads)
+    results_folder(out)
     found: Comparison | None = None
     with reporting(True) as progress:
         if compare:
@@ -146,11 +150,19 @@ def follow(
                 *(m, wanted), method=way, lock=locks, progress=progress or False, **options
             )
     files = write(run, wanted, found, out, arguments.up_axis(robot))
+    effortless = ""
     if efforts:
-        files |= write_efforts(run, loads, out)
+        try:
+            files |= write_efforts(run, loads, out)
+        except ClosureError as error:  # the run is there all the same
+            effortless = f"no efforts: {error}"
+    index = write_index(f"{m.name}, {wanted.name}", files, [run.message])
+    files[index.name] = index
     report(run, wanted, found, files, json)
     if not run.converged:
         fail(run.message)
+    if effortless:
+        fail(effortless)
 
 
 def write(
@@ -158,7 +170,6 @@ def write(
 ) -> dict[str, Path]:
     """Write the results of a run; return the paths by name. Raises ``OSError``."""
     from closedchain._follow_page import follow_page
-    from closedchain._index_page import write_index
     from closedchain.analysis.motion.follow.figures import draw_follow, draw_inputs
 
     others = {} if comparison is None else _others(comparison, run)
@@ -174,8 +185,7 @@ def write(
     files = {name: folder / name for name in writers}
     for name, writer in writers.items():
         writer(files[name])
-    index = write_index(title, files, [run.message])
-    return {**files, index.name: index}
+    return files
 
 
 def write_efforts(run: Follow, loads: Mapping[str, Any], folder: Path) -> dict[str, Path]:
@@ -190,7 +200,10 @@ def write_efforts(run: Follow, loads: Mapping[str, Any], folder: Path) -> dict[s
     """
     import closedchain as cc
     from closedchain.analysis.figures.efforts import draw_efforts
+    from closedchain.analysis.forces.effort_history import FEWEST
 
+    if run.reached < FEWEST:
+        raise ClosureError(f"they need {FEWEST} samples or more, and {run.reached} were reached")
     found = cc.efforts_along(run.problem.mechanism, run.times, run.q, **loads)
     files = {name: folder / name for name in ("efforts.nc", "efforts.png")}
     found.to_dataset().to_netcdf(files["efforts.nc"], engine="h5netcdf")

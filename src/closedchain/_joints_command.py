@@ -29,9 +29,10 @@ def joints(
     variant: Variant = None,
     no_xacro: NoXacro = False,
 ) -> None:
-    """Read driven joints as lines of JSON, and write all joints, a line for each.
+    """Read driven joints and write all joints, line by line.
 
-    A line is {"q1": 0.5} or {"name": ["q1"], "position": [0.5]}; joints that it leaves out stay.
+    Lines are JSON, an answer for each. A line is {"q1": 0.5} or {"name": ["q1"], "position":
+    [0.5]}; joints that it leaves out stay.
     The branch is kept from line to line. Where the way meets a singularity nothing moves, and the
     answer says which kind; the next line goes on from there. Ends with its input.
     """

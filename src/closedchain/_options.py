@@ -20,7 +20,7 @@ Robot = Annotated[
 Values = Annotated[
     list[str] | None,
     typer.Argument(
-        metavar="[INPUT=VALUE]...", help="Values of inputs [m or rad]; the others stay at home."
+        metavar="INPUT=VALUE", help="Values of inputs [m or rad]; the others stay at home."
     ),
 ]
 Settings = Annotated[

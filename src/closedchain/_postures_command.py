@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from closedchain import _arguments as arguments
+from closedchain._destinations import results_file
 from closedchain._options import Json, NoXacro, Outputs, Robot, Settings, Triple, Values, Variant
 from closedchain._terminal import fail, print_json, remark, table, tell
 from closedchain.urdf.extras import require
@@ -65,7 +66,10 @@ def postures(
     no_xacro: NoXacro = False,
     json: Json = False,
 ) -> None:
-    """All postures with the inputs, the tip's pose or some joints held."""
+    """All assembly modes, or all working modes, of a robot.
+
+    That is, all postures with the inputs, the tip's pose or some joints held.
+    """
     import closedchain as cc
 
     if html is not None:
@@ -75,6 +79,9 @@ def postures(
     wanted = _slice(mechanism, over or ())
     if seconds is not None:
         arguments.positive(seconds, "--seconds")
+    for file in (certificate, html):
+        if file is not None:
+            results_file(file)
     found = cc.postures(
         mechanism,
         **held,

@@ -8,6 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from closedchain import _arguments as arguments
+from closedchain._destinations import results_file, results_folder
 from closedchain._options import Json, NoXacro, Robot, Settings, Variant, Workers
 from closedchain._terminal import print_json, say, tell
 from closedchain.urdf.extras import require
@@ -51,7 +52,10 @@ def resets(
     no_xacro: NoXacro = False,
     json: Json = False,
 ) -> None:
-    """Draw closed states at random, within limits, with velocities that the loops allow."""
+    """Draw closed states at random, for simulators.
+
+    They are within limits, with velocities that the loops allow.
+    """
     import numpy as np
 
     import closedchain as cc
@@ -63,16 +67,20 @@ def resets(
     mechanism = arguments.load_robot(robot, settings or (), variant, xacro=not no_xacro)
     starts = np.array([arguments.start_posture(mechanism, name) for name in mode]) if mode else None
     wanted = _ranges(over) if over else None
+    joints = None if qpos is None else _order(qpos)
+    columns = None if qpos is None else arranged_names(mechanism, joints)
+    if out.suffix == ".zarr":  # a folder
+        results_folder(out)
+    else:
+        results_folder(out.absolute().parent)
+        results_file(out)
     found = cc.resets(mechanism, n, seed, over=wanted, start=starts, speed=speed, workers=workers)
     data = found.to_dataset()
-    if qpos is not None:
-        joints = _order(qpos)
+    if columns is not None:
         positions, velocities = found.arranged(joints)
-        names = arranged_names(mechanism, joints)
         data["qpos"] = (("state", "qpos_column"), positions)
         data["qvel"] = (("state", "qvel_column"), velocities)
-        data = data.assign_coords(qpos_column=names[0], qvel_column=names[1])
-    out.absolute().parent.mkdir(parents=True, exist_ok=True)
+        data = data.assign_coords(qpos_column=columns[0], qvel_column=columns[1])
     if out.suffix == ".npz":
         arrays: Any = {str(name): values.to_numpy() for name, values in data.variables.items()}
         np.savez(out, **arrays)

@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from closedchain import _arguments as arguments
+from closedchain._destinations import results_folder
 from closedchain._options import (
     Density,
     Gravity,
@@ -56,7 +57,10 @@ def simulate(
     no_xacro: NoXacro = False,
     json: Json = False,
 ) -> None:
-    """Move a robot from rest: states as NetCDF, and a page that plays the motion."""
+    """Move a robot from rest under efforts and weights.
+
+    Writes its states as NetCDF, and a page that plays the motion.
+    """
     import numpy as np
 
     import closedchain as cc
@@ -73,17 +77,18 @@ def simulate(
     if hold:
         held = cc.statics(mechanism, q, forces, fall, payload=masses)
         tau += held.raise_if_failed().inputs
+    results_folder(out)
     found = cc.simulate(
         *(mechanism, q, None, tau, until),
         every=every, wrench=forces, payload=masses, gravity=fall, limits=not no_limits,
     )  # fmt: skip
-    out.mkdir(parents=True, exist_ok=True)
     data, page = out / "motion.nc", out / _file(mechanism.name)
     found.to_dataset().to_netcdf(data, engine="h5netcdf")
     files = [data]
     if len(found.t) > 1:
         told = (*input_readouts(mechanism, found.q), Readout("energy", found.energy, "J"))
-        shown = Animation(found.q, found.t, readouts=told)
+        samples = (len(found.t) - 1) / (found.t[-1] - found.t[0])  # all, for slow motion
+        shown = Animation(found.q, found.t, readouts=told, frame_rate=max(30.0, samples))
         up = arguments.up_axis(robot)
         page.write_text(static_page(mechanism, up=up, animation=shown), encoding="utf-8")
         files.append(page)

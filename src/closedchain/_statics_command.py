@@ -61,7 +61,7 @@ def statics(
     no_xacro: NoXacro = False,
     json: Json = False,
 ) -> None:
-    """Efforts of the inputs and wrenches of the joints that hold a load at rest."""
+    """Efforts and joint wrenches that hold a load at rest."""
     import closedchain as cc
 
     mechanism, q = loaded(robot, values, settings, variant, no_xacro=no_xacro, density=density)

@@ -10,6 +10,7 @@ import numpy as np
 import typer
 
 from closedchain import _arguments as arguments
+from closedchain._destinations import results_folder
 from closedchain._options import Json, NoXacro, Robot, Settings, Variant
 from closedchain._terminal import print_json, say, table, tell
 from closedchain.urdf.extras import require
@@ -50,7 +51,10 @@ def transmission(
     no_xacro: NoXacro = False,
     json: Json = False,
 ) -> None:
-    """Tabulate joints over the motors that move them: positions, rates, limits, toggles."""
+    """Tabulate joints over the motors that move them.
+
+    Positions, rates, limits and toggles.
+    """
     import closedchain as cc
     from closedchain.analysis.figures.transmissions import draw_transmission
     from closedchain.analysis.forces.transmission_table import csv_text
@@ -59,14 +63,10 @@ def transmission(
     mechanism = arguments.load_robot(robot, settings or (), variant, xacro=not no_xacro)
     found = cc.transmission(mechanism, joints, motors or None)
     ranges, points = _ranges(over or ())
-    tabulated = cc.transmission_table(
-        found,
-        ranges,
-        points,
-        efforts=_limits(found.motor_names, effort or (), "--effort"),
-        speeds=_limits(found.motor_names, speed or (), "--speed"),
-    )
-    out.mkdir(parents=True, exist_ok=True)
+    efforts = _limits(found.motor_names, effort or (), "--effort")
+    speeds = _limits(found.motor_names, speed or (), "--speed")
+    results_folder(out)
+    tabulated = cc.transmission_table(found, ranges, points, efforts=efforts, speeds=speeds)
     files = [out / "transmission.csv", out / "transmission.nc"]
     files[0].write_text(csv_text(tabulated), encoding="utf-8")
     tabulated.to_netcdf(files[1], engine="h5netcdf")

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 import socket
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -17,6 +18,7 @@ from typer.core import TyperGroup
 from closedchain import _arguments as arguments
 from closedchain import _reports as reports
 from closedchain._closed_forms_command import closed_forms
+from closedchain._destinations import results_file, results_folder
 from closedchain._export_command import export
 from closedchain._follow_command import follow
 from closedchain._joints_command import joints
@@ -63,8 +65,7 @@ class _Commands(TyperGroup):
         except ClosedChainError as error:
             fail(str(error))
         except OSError as error:
-            where = f"{error.filename}: " if error.filename else ""
-            fail(f"{where}{error.strerror or error}")
+            fail(_told(error))
 
 
 app = typer.Typer(
@@ -101,7 +102,7 @@ def list_robots(
     ] = None,
     json: Json = False,
 ) -> None:
-    """List the robots of the catalogue, or the members of a family.
+    """List the robots of the catalogue, or a family's members.
 
     A member is loaded by the family's name and its choices: --set coupler=PRS --set outer=CPS.
     """
@@ -139,7 +140,10 @@ def direct(
     no_xacro: NoXacro = False,
     json: Json = False,
 ) -> None:
-    """Direct position problem: tip pose for given inputs, on the assembly of home."""
+    """Direct position problem: the tip's pose for given inputs.
+
+    On the assembly branch of home, or of another mode (--mode).
+    """
     mechanism = _load(robot, settings, variant, no_xacro)
     given = arguments.input_values(mechanism, values or ())
     solution = _direct(mechanism, given, mode)
@@ -169,9 +173,10 @@ def inverse(
     no_xacro: NoXacro = False,
     json: Json = False,
 ) -> None:
-    """Inverse position problem: inputs for a tip pose, on the branch of home.
+    """Inverse position problem: the inputs for a pose of the tip.
 
-    Components of the pose that are no outputs are left to the mechanism.
+    On the branch of home, or of another mode (--mode). Components of the pose that are no outputs
+    are left to the mechanism.
     """
     import numpy as np
     import pinocchio as pin
@@ -233,7 +238,10 @@ def view(
     variant: Variant = None,
     no_xacro: NoXacro = False,
 ) -> None:
-    """Show a robot in a browser, or write it as a page: sliders move it, its loops stay closed."""
+    """Show a robot in a browser, or write it as a page.
+
+    Sliders move it, and its loops stay closed.
+    """
     from closedchain._modes import searched_modes
     from closedchain.robots.viewer import Controls, Served, static_page
 
@@ -245,7 +253,7 @@ def view(
     if html is None:
         _refuse_taken(port)
     else:
-        html.touch()  # what cannot be written is refused before the search
+        results_file(html)
     q = _posture(mechanism, values, mode)
     modes = {} if no_modes else searched_modes(mechanism, q)
     page = static_page(mechanism, q, up=upwards, controls=Controls(modes=modes))
@@ -270,7 +278,10 @@ def urdf(
     variant: Variant = None,
     no_xacro: NoXacro = False,
 ) -> None:
-    """Print the expanded URDF, whose lines error messages refer to."""
+    """Print the expanded URDF of a robot.
+
+    Error messages refer to its lines.
+    """
     say(_load(robot, settings, variant, no_xacro).description.text.rstrip("\n"))
 
 
@@ -296,13 +307,15 @@ def singularities(
         bool, typer.Option("--details", help="Say how sets were sought and what led to nothing.")
     ] = False,
 ) -> None:
-    """Map the singularities over coordinates of a robot, into a folder.
+    """Map the singularities of a robot, into a folder.
 
-    By default: two slices of input space, and of the workspace where home allows.
+    Over coordinates of one's choice; by default: two slices of input space, and of the workspace
+    where home allows.
     """
     from closedchain._index_page import write_index
     from closedchain._survey_page import survey_page
     from closedchain.analysis.progress import reporting
+    from closedchain.analysis.survey.captions import caption
     from closedchain.analysis.survey.results_folder import write_survey
     from closedchain.analysis.survey.surveying import survey
 
@@ -317,8 +330,7 @@ def singularities(
         if wanted.slices and all(name in names for names in wanted.slices):
             fail(f"--at {name}: every slice varies {name} itself")
     start = arguments.start_posture(mechanism, mode)
-    out.mkdir(parents=True, exist_ok=True)
-    arguments.refuse_read_only(out)
+    results_folder(out)
     with reporting(True) as progress:
         found = survey(
             mechanism,
@@ -338,9 +350,14 @@ def singularities(
     page = out / f"{re.sub(r'[^A-Za-z0-9._-]', '_', mechanism.name)}.html"
     page.write_text(survey_page(found, start, up=arguments.up_axis(robot)), encoding="utf-8")
     files = {**written, page.name: page}
-    captions = [str(part.map.attrs["caption"]) for part in found.slices]
-    text = [*captions, *found.notes, *found.details, f"At home: {found.redundancy.text}"]
-    index = write_index(found.title, files, text, found.summary())
+    captions = [caption(part.map, part.sets, notes=False) for part in found.slices]
+    text = [*captions, *found.notes, f"At home: {found.redundancy.text}"]
+    table = [
+        {**row, "slice": " × ".join(part.over)}
+        for part, row in zip(found.slices, found.summary(), strict=True)
+    ]
+    folded = {"How sets were sought, and what led to nothing": found.details}
+    index = write_index(found.title, files, text, table, folded)
     reports.survey(found, {**files, index.name: index}, json, details=details)
 
 
@@ -375,6 +392,7 @@ def plot(
     require("figures are drawn from datasets", "maps", "figures")
     image = arguments.image_file(folder, out, image_format)
     results = read_results(folder)
+    results_file(image)
     for page in draw_survey(results, image, measures=measure or None, dpi=dpi, grey=grey):
         say(str(page))
 
@@ -441,9 +459,20 @@ def _answer(mechanism: Mechanism, solution: Solution, json: bool, **more: list[s
         reports.solution(mechanism, solution, more)
 
 
+def _told(error: OSError) -> str:
+    """Words for what the system refuses: the file, and why."""
+    where = f"{error.filename}: " if error.filename else ""
+    return f"{where}{error.strerror or error}"
+
+
 def main() -> None:
     """Run the command line."""
-    app()
+    if sys.stdout is None:
+        sys.exit("closedchain: standard output is closed, there is nowhere to answer")
+    try:
+        app()
+    except OSError as error:  # of --help and --version, which are no commands
+        sys.exit(f"closedchain: {_told(error)}")
 
 
 if __name__ == "__main__":

@@ -175,7 +175,7 @@ def test_a_map_is_told_in_words_too() -> None:
     words = words_of(draw_map(data, curves()))  # type: ignore[arg-type]
     assert words.startswith(heading(data))
     assert "inverse: 1 curve through 3 points" in words
-    assert "sigma direct [y [m]] over x [m]: colours from 0 to 1" in words
+    assert "sigma direct over x [m] and y [m]: colours from 0 to 1" in words
     assert "from 1 to 1" not in words
 
 
@@ -187,4 +187,7 @@ def test_figures_of_lines_are_told_in_words() -> None:
     ax.plot([0.0, 1.0], [2.0, 5.0], label="q1")
     ax.set(title="inputs", xlabel="time [s]", ylabel="[m]")
     figure.suptitle("arm")
-    assert words_of(figure) == "arm. inputs [[m]] over time [s]: q1 from 2 to 5."
+    assert words_of(figure) == "arm. inputs [m] over time [s]: q1 from 2 to 5."
+    ax.set_ylabel("length [m]")
+    ax.axhline(3.0)  # guides the eye
+    assert words_of(figure) == "arm. inputs, length [m], over time [s]: q1 from 2 to 5."

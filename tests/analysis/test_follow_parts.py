@@ -210,7 +210,7 @@ def test_a_function_of_time_and_a_start_elsewhere(d1: cc.Mechanism) -> None:
         ({"objective": "beauty"}, "or a function of q"),
         ({"lock": "q7"}, "q7"),
         ({"lock": "q1 q1"}, "named twice"),
-        ({"lock": "q1 q2"}, "2 input.s. locked, but the outputs x y z rx rz leave 1"),
+        ({"lock": "q1 q2"}, "q1, q2 cannot all be locked: the outputs x y z rx rz leave 1"),
         ({"lock": {"q1": np.inf}}, "must be finite"),
         ({"limits": {"q1": (1.0, 0.5)}}, "two rising numbers"),
         ({"limits": {"p1": (0.0, 0.5)}}, "p1"),

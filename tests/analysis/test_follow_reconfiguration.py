@@ -156,10 +156,10 @@ def test_redundant_actuation_is_followed_but_not_optimised() -> None:
     # with all three driven the platform is held everywhere: S_a, S_b and S_c are given
     assert found.sigma_direct.min() > 0.5 * found.sigma_direct.max()
     assert_close(found.inputs[: stopped.reached, :6], stopped.inputs, 1e-9)
-    assert "3 input(s) more than freedoms are redundancy of actuation" in found.message
+    assert "9 inputs for 6 freedoms are redundancy of actuation" in found.message
     whole = follow(nine, poses, times=TIMES, method="path").raise_if_failed()
     assert_close(whole.q, found.q, 0.0)
-    with pytest.raises(cc.ClosureError, match="leave 0 freedom"):
+    with pytest.raises(cc.ClosureError, match="leave no freedoms"):
         follow(nine, poses, times=TIMES, lock="r_a")
     with pytest.raises(cc.ClosureError, match="redundant as actuators, not as motions"):
         compare(nine, poses, times=TIMES)

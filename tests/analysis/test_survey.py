@@ -124,7 +124,7 @@ def test_slices_that_cannot_be_followed_are_left_out_with_a_reason(d1: cc.Mechan
     found = survey(d1, resolution=3, span=0.02, kinds=())
     assert [part.over for part in found.slices] == [("q1", "q2"), ("q4", "q5")]
     (note,) = found.notes
-    assert note.startswith("no slice over x x y, nor tilt x azimuth: ")
+    assert note.startswith("no slice over x × y, nor tilt × azimuth: ")
     assert "singular" in note
     assert note in found.text
     with pytest.raises(cc.ClosureError, match="singular"):

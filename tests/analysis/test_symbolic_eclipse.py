@@ -170,6 +170,9 @@ def test_names_can_be_given() -> None:
         cc.symbolic_singularities(m, names={"a_Q": "x"})
     with pytest.raises(cc.ClosureError, match="one symbol"):
         cc.symbolic_singularities(m, names={"a_R": "x", "b_R": "x"})
+    for unreadable in ("1x", "a b", "-x", "pi", "sin"):
+        with pytest.raises(cc.ClosureError, match="is no symbol for 'a_R'"):
+            cc.symbolic_singularities(m, names={"a_R": unreadable})
 
 
 def test_report() -> None:

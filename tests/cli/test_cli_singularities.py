@@ -125,7 +125,7 @@ def test_by_default_d1_has_two_slices_and_says_why_no_more(tmp_path: Path) -> No
     text = good("singularities", "d1", "--out", str(tmp_path), *SMALL)
     assert "q1 x q2" in text
     assert "q4 x q5" in text
-    assert "no slice over x x y, nor tilt x azimuth" in text
+    assert "no slice over x × y, nor tilt × azimuth" in text
 
 
 def test_a_robot_of_ones_own(tmp_path: Path) -> None:
@@ -202,7 +202,7 @@ def test_bad_words_give_one_line(what: str, tmp_path: Path) -> None:
 
 
 def test_a_file_for_a_folder() -> None:
-    refused([*LINE, "--out", sys.executable], "File exists")
+    refused([*LINE, "--out", sys.executable], "is a file; results need a folder")
 
 
 def test_measures_of_forces_by_name(tmp_path: Path) -> None:

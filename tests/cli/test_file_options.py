@@ -139,3 +139,10 @@ def test_a_posture_at_a_fold_of_the_inputs_is_classified(bar: str) -> None:
     code, _, error = run("classify", bar, f"q1={fold - 0.3}")
     assert code == 1
     assert "meets a direct singularity" in error
+
+
+def test_a_folder_of_packages_must_be_there(bar: str, tmp_path: Path) -> None:
+    code, text, error = run("info", bar, "--package-dir", str(tmp_path / "none"))
+    assert (code, text) == (1, "")
+    assert f"--package-dir {tmp_path / 'none'}: there is no such folder" in error
+    assert run("info", bar, "--package-dir", str(tmp_path))[0] == 0

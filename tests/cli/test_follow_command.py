@@ -257,7 +257,7 @@ BAD = {
     "lock that is no number": (["d1", "--task", "drill", "--lock", "q1=a"], "'a' is not a finite"),
     "two locks": (
         ["d1", "--task", "drill", "--lock", "q1", "--lock", "q2"],
-        "2 input(s) locked, but the outputs x y z rx rz leave 1",
+        "q1, q2 cannot all be locked: the outputs x y z rx rz leave 1 freedom",
     ),
     "lock and compare": (["d1", "--task", "drill", "--lock", "q1", "--compare"], "leave out"),
     "limit without ends": (["d1", "--task", "drill", "--limit", "q1=1"], "expected q1=LO:HI"),
@@ -292,9 +292,12 @@ def test_refusals_are_one_line(what: str, tmp_path: Path) -> None:
 
 TEXTS = {
     "no columns": ("a,b\n1,2\n", "no column t, x, y, z"),
-    "no number": ("t,x,y,z\n0,0,-1,low\n", "line 2: not a number"),
+    "no number": ("t,x,y,z\n0,0,-1,low\n", "line 2: not a number in column z: 'low'"),
+    "a value too few": ("t,x,y,z\n0,0,-1\n", "line 2: not a number in column z: ''"),
+    "not finite": ("t,x,y,z\n0,0,-1,0\n1,nan,-1,0\n", "line 3: not a finite number in column x"),
+    "half an axis": ("t,x,y,z,ax\n0,0,-1,0,1\n", "a tool axis takes ax ay az, and only ['ax']"),
     "no rows": ("t,x,y,z\n", "no rows"),
-    "times that fall": ("t,x,y,z\n1,0,-1,0\n0,0,-1,0\n", "rise"),
+    "times that fall": ("t,x,y,z\n1,0,-1,0\n0,0,-1,0\n", "task.csv: times must rise"),
     "no text": ("t,x\udcff", "no UTF-8 text"),
 }
 
@@ -313,7 +316,7 @@ def test_wrong_files_are_refused(what: str, tmp_path: Path) -> None:
 def test_a_folder_that_is_a_file(tmp_path: Path, dip: Path) -> None:
     done = run("d1", "--task", str(dip), "--out", str(dip))
     assert done.exit_code == 1
-    assert "File exists" in done.stderr
+    assert "is a file; results need a folder" in done.stderr
 
 
 @pytest.mark.parametrize("words", [["d1"], ["d1", "--task", "drill"], ["d1", "--out", "x"]])
@@ -362,3 +365,47 @@ def test_efforts_along_a_task(tmp_path: Path) -> None:
         assert done.exit_code == 1
         assert len(done.stderr.strip().splitlines()) == 1
     assert "are for --efforts" in run(*words[:-1], "--payload", "T=1").stderr
+
+
+def path_file(tmp_path: Path, rows: str) -> str:
+    file = tmp_path / "task.csv"
+    file.write_text("t, x, y, z\n" + rows)  # blanks after commas are no part of names
+    return str(file)
+
+
+def test_efforts_are_among_what_the_index_leads_to(tmp_path: Path) -> None:
+    file = path_file(tmp_path, "".join(f"{0.1 * k},0,{-1 - 0.001 * k},0\n" for k in range(5)))
+    out = tmp_path / "out"
+    told = good("d1", "--task", file, "--out", str(out), "--efforts")
+    index = (out / "index.html").read_text()
+    named = set(re.findall(r'(?:href|src)="([^"]*)"', index))
+    assert {"efforts.nc", "efforts.png", "path.csv", "d1_task.html"} <= named
+    assert str(out / "index.html") in told
+
+
+def test_what_cannot_have_efforts_is_written_all_the_same(tmp_path: Path) -> None:
+    file = path_file(tmp_path, "0,0,-1,0\n")
+    out = tmp_path / "out"
+    done = run("d1", "--task", file, "--out", str(out), "--efforts")
+    assert done.exit_code == 1
+    (line,) = done.stderr.splitlines()
+    assert line == "closedchain: no efforts: they need 4 samples or more, and 1 were reached"
+    assert "1 of 1" in done.stdout
+    assert (out / "index.html").is_file()
+
+
+def test_a_task_that_cannot_begin_with_a_freedom_to_spare(tmp_path: Path) -> None:
+    file = path_file(tmp_path, "0,3,-1,0\n1,3,-1,0\n2,3,-1,0\n")
+    out = tmp_path / "out"
+    done = run("d1", "--task", file, "--out", str(out))
+    assert done.exit_code == 1
+    assert "0 of 3 samples reached" in done.stderr
+    assert rows(out)[1].shape[0] == 0
+
+
+def test_loads_are_checked_before_the_work(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    done = run("d1", "--task", "drill", "--out", str(out), "--efforts", "--payload", "nobody=1")
+    assert done.exit_code == 1
+    assert "unknown frame 'nobody'" in done.stderr
+    assert not out.exists()

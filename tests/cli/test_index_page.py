@@ -61,4 +61,19 @@ def test_a_survey_leads_to_its_page_and_figure(tmp_path: Path) -> None:
     named = set(re.findall(r'(?:href|src)="([^"]*)"', index))
     assert named == {path.name for path in tmp_path.iterdir()} - {"index.html"}
     assert re.search(r'<img src="map.png" alt="[^"]+">', index)
-    assert "<table>" in index
+    assert "<td>x × y</td>" in index
+    before, folded = index.split("<details>")
+    assert "outputs x y; branch of home. Direct: 1 curve" in before
+    assert "least singular values of the grid" in folded
+    assert "least singular values of the grid" not in re.sub(r'alt="[^"]*"', "", before)
+
+
+def test_zeros_and_details_step_back(tmp_path: Path) -> None:
+    figure = tmp_path / "map.png"
+    figure.write_bytes(b"")
+    rows = [{"slice": "x × y", "cells": 9, "lost": 0}, {"slice": "x × z", "cells": 0, "lost": 0}]
+    index = write_index("survey", {"map.png": figure}, ["found"], rows, {"how": ["so"], "why": []})
+    text = index.read_text()
+    assert "<th>slice</th><th>cells</th></tr>" in text
+    assert "<details><summary>how</summary><p>so</p></details>" in text
+    assert "why" not in text

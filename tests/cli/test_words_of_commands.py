@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from pathlib import Path
 
 import pytest
 from commands import run
@@ -61,3 +62,47 @@ def test_commands_take_a_mode() -> None:
     unknown = run("classify", "eclipse", "--mode", "up")
     assert unknown.exit_code == 1
     assert "unknown mode 'up'" in unknown.stderr
+
+
+def test_gravity_is_given_or_left_out_not_both() -> None:
+    both = run("statics", "linear_delta", "--gravity", "0 0 -1", "--no-gravity")
+    assert both.exit_code == 1
+    assert "--gravity and --no-gravity contradict each other" in both.stderr
+
+
+@pytest.mark.parametrize(
+    ("word", "says"),
+    [
+        ("q1=nan", "--effort q1: 'nan' is not a finite number"),
+        ("q9=1", "--effort: unknown input 'q9'; known: q1, q2, q3"),
+        ("q1", "--effort: expected name=value, got 'q1'"),
+    ],
+)
+def test_a_wrong_effort_is_named_by_its_option(word: str, says: str, tmp_path: Path) -> None:
+    done = run("simulate", "linear_delta", "--effort", word, "--out", str(tmp_path))
+    assert done.exit_code == 1
+    assert says in done.stderr
+
+
+def test_one_of_a_thing_is_told_in_the_singular(tmp_path: Path) -> None:
+    """A planar four-bar closed by a ball has one row too many; with its output held, it rests."""
+    hinge = '<axis xyz="0 0 1"/></joint>'
+    file = tmp_path / "bar.urdf"
+    file.write_text(
+        f"""<robot name="bar"><link name="o"/><link name="a"/><link name="b"/><link name="c"/>
+  <joint name="A" type="continuous"><parent link="o"/><child link="a"/>{hinge}
+  <joint name="B" type="continuous"><parent link="a"/><child link="b"/>
+    <origin xyz="0.1 0 0"/>{hinge}
+  <joint name="D" type="continuous"><parent link="o"/><child link="c"/>
+    <origin xyz="0.3 0 0"/>{hinge}
+  <constraint name="C" type="spherical"><parent link="b"/><parent_origin xyz="0.28 0 0"/>
+    <child link="c"/><child_origin xyz="0.2 0 0"/></constraint>
+  <transmission name="q"><joint name="A"/></transmission>
+  <task base="o" tip="c" outputs="rz"/></robot>"""
+    )
+    told = " ".join(run("info", str(file)).stdout.split())
+    assert "1 closure row is redundant and consistent" in told
+    assert "a universal joint instead of the hinge A" in told
+    rest = run("singularities", str(file), "--over", "q=0.5:0.6:3", "--out", str(tmp_path / "out"))
+    assert "no freedoms of motion remain" in rest.stdout
+    assert "(s)" not in told + rest.stdout

@@ -198,7 +198,7 @@ def test_programs_go_both_ways(both: cc.Transmission) -> None:
         ([], None, "at least one"),
         (["nobody"], None, "nobody"),
         (["pitch", "pitch"], None, "twice"),
-        (["pitch"], None, "do not determine"),
+        (["pitch"], None, "name roll beside it, and q1, q2 determine all"),
         (["pitch", "roll"], ["q1"], "do not determine"),
         (["pitch", "roll"], ["q0"], "can move with the joints"),
         (["pitch", "roll", "left"], None, "tie the joints"),

@@ -120,5 +120,11 @@ def test_other_contents_are_refused(tmp_path: Path) -> None:
     (tmp_path / "alone.yaml").write_text("closed_loop: []")
     with pytest.raises(DescriptionError, match=r"no alone\.urdf and no robot\.urdf"):
         cc.load_file(tmp_path / "alone.yaml")
+    for text in ("root:x:0:0:root\n", "services: [a]\n"):  # neither a robot, whatever its keys
+        (tmp_path / "other").write_text(text)
+        with pytest.raises(
+            DescriptionError, match=r"other: this is no XML, and no robot.*<mujoco>"
+        ):
+            cc.load_file(tmp_path / "other")
     with pytest.raises(DescriptionError, match="<html>; known: <robot>"):
         cc.load_file("<html/>")

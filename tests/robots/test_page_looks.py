@@ -67,6 +67,23 @@ def test_nothing_covers_the_robot(
         assert boxes["#meshcat-pane canvas"][3] > 0.4 * height
 
 
+@pytest.mark.parametrize("width", [1200, 390])
+def test_what_the_panel_says_fits(browser: Browser, width: int, tmp_path: Path) -> None:
+    """Units of two words, and a tip with a long name."""
+    ankle = cc.load("ankle")
+    text = ankle.description.text.replace('"foot"', '"right_foot_sole_contact_frame"')
+    browser.size(width, 800, phone=width < 600)
+    for m in (ankle, cc.load_urdf(text, xacro=False)):
+        with opened(browser, static_page(m, controls=True), tmp_path):
+            over = browser.run(
+                "[...document.querySelectorAll('#controls *')].filter((e) => "
+                "e.getBoundingClientRect().right > document.querySelector('#controls')"
+                ".clientWidth + document.querySelector('#controls').getBoundingClientRect().left"
+                " + 0.5).map((e) => e.id || e.outerHTML.slice(0, 60))"
+            )
+        assert over == []
+
+
 def test_a_coloured_way_has_a_dark_rim(bar: cc.Mechanism) -> None:
     line = Polyline(LINE, values=np.array([0.0, 1.0, 2.0]))
     page = static_page(bar, overlays=[line, Polyline(LINE)])

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from browser import printed
 from page_reading import commands
+from page_reading import drawn as unpacked
 
 import closedchain as cc
 from closedchain.robots import robot
@@ -100,6 +101,19 @@ def test_bodies_without_visuals_are_sticks_among_the_others(
     assert drawing.count("CylinderGeometry") == 3  # the capsule, and sticks for two and the base
     assert "SphereGeometry" not in drawing
     assert capfd.readouterr() == ("", "")
+
+
+def test_sticks_of_a_base_with_shapes_are_no_rods() -> None:
+    """The ankle has two rods; what joins its base's shapes to the joints is paler than these."""
+    page = static_page(cc.load("ankle"))
+    sticks = [
+        c["object"]["materials"][0]["color"]
+        for c in unpacked(page)
+        if c["type"] == "set_object" and "/sticks/" in c["path"]
+    ]
+    rod, ground = 0x5A5E66, 0xB9C0CA
+    assert sticks.count(rod) == 2
+    assert sticks.count(ground) == len(sticks) - 2 > 0
 
 
 def test_posture_moves_the_drawing(d1: cc.Mechanism, page: str) -> None:

@@ -110,6 +110,26 @@ def test_readouts_hold_the_numbers_shown(
     assert np.allclose([r.values[0] for r in rows], d1.input_values(d1.home))
 
 
+def test_rounding_is_drawn_as_rest(
+    slider: cc.Mechanism, slide: tuple[np.ndarray, np.ndarray]
+) -> None:
+    """An energy that is kept to ten digits is a straight line, and its numbers fit."""
+    q, times = slide
+    kept, moved = -46.0957229 + 1e-9 * np.sin(9.0 * times), -46.0957229 + 1e-3 * times
+    told = [Readout("kept", kept, "J"), Readout("moved", moved, "J")]
+    page = static_page(slider, animation=Animation(q, times, readouts=told))
+    curves = [
+        {spot.split(",")[1] for spot in points.split()}
+        for points in re.findall(r'polyline points="([^"]*)"', page)
+    ]
+    assert curves[0] == {"17.0"}
+    assert len(curves[1]) > 5
+    numbers = re.findall(r"<text [^>]*>([^<]*)</text>", page)
+    assert numbers[:3] == ["-46.1", "0", "2 s"]
+    assert all(len(number) < 10 for number in numbers)
+    assert np.allclose(motion(page)["readouts"][0], kept)
+
+
 def test_page_keeps_its_size_and_says_what_it_left_out(d1: cc.Mechanism) -> None:
     n = 6000
     q = np.tile(d1.home, (n, 1))

@@ -89,10 +89,13 @@ def read_sidecar(text: str) -> Sidecar:
         mark = getattr(error, "problem_mark", None)
         line = None if mark is None else mark.line + 1
         raise DescriptionError(
-            f"not well-formed YAML: {getattr(error, 'problem', error)}", line=line
+            f"this is no XML, and not well-formed YAML: {getattr(error, 'problem', error)}",
+            line=line,
         ) from None
-    if not isinstance(content, dict):
-        raise DescriptionError(f"a robot.yaml has the keys {', '.join(_KEYS)}; this text has none")
+    if not isinstance(content, dict) or not set(_KEYS) & set(content):
+        raise DescriptionError(
+            f"this is no XML, and no robot.yaml, which has keys of {', '.join(_KEYS)}"
+        )
     pairs = _listed(content, "closed_loop")
     types = [str(word).lower() for word in _listed(content, "type")]
     if len(types) != len(pairs):

@@ -236,7 +236,8 @@ def _frame(axes: Sequence[Axes], run: Follow, *, legends: bool = True) -> None:
     times = run.problem.times
     for ax in axes:
         ax.grid(alpha=0.3)
-        ax.set_xlim(times[0], times[-1])
+        if len(times) > 1:
+            ax.set_xlim(times[0], times[-1])
         ax.set_xlabel("t [s]", fontsize=9)
         ax.tick_params(labelsize=8)
         ax.title.set_fontsize(10)

@@ -140,8 +140,8 @@ def follow(
         )
     if len(locks) > spare:
         raise ClosureError(
-            f"{len(locks)} input(s) locked, but the outputs {' '.join(names)} leave "
-            f"{spare} freedom(s)"
+            f"{', '.join(locks)} cannot all be locked: the outputs {' '.join(names)} leave "
+            f"{spare or 'no'} freedom{'s' * (spare != 1)}"
         )
     with reporting(progress) as report:
         if method == "path" and problem.freedoms:

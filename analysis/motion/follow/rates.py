@@ -39,8 +39,8 @@ def joint_rates(problem: Problem, postures: Sequence[Posture]) -> np.ndarray:
 def _slopes(problem: Problem, postures: Sequence[Posture]) -> np.ndarray:
     """Dimensionless slopes (n, free) of the unlocked joints over the samples' times."""
     model, n = problem.mechanism.model, len(postures)
-    if n == 1:
-        return np.zeros((1, problem.free.size))
+    if n < 2:
+        return np.zeros((n, problem.free.size))
     way = np.zeros((n, problem.free.size))
     for i, (one, two) in enumerate(pairwise(postures)):
         step = pin.difference(model, one.q, two.q)[problem.free] / problem.unit

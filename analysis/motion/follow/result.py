@@ -245,8 +245,9 @@ def _idle(problem: Problem) -> str:
     surplus = len(m.inputs) - (m.model.nv - generic_rank(m))
     if surplus > 0:
         return (
-            f"; the outputs leave no freedom: {surplus} input(s) more than freedoms are redundancy "
-            "of actuation, which the objective cannot use"
+            f"; the outputs leave no freedom: {len(m.inputs)} inputs for "
+            f"{len(m.inputs) - surplus} freedoms are redundancy of actuation, which the objective "
+            "cannot use"
         )
     return "; the outputs leave no freedom for the objective"
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import math
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -145,7 +146,7 @@ def read_task_path(
     [0.0, 1.0]
     """
     with Path(path).open(newline="") as file:
-        reader = csv.DictReader(file)
+        reader = csv.DictReader(file, skipinitialspace=True)
         found = tuple(reader.fieldnames or ())
         missing = [n for n in _COLUMNS if n not in found]
         if missing:
@@ -153,24 +154,39 @@ def read_task_path(
                 f"{path}: no column {', '.join(missing)}; expected t x y z and, for a tool axis, "
                 "ax ay az"
             )
-        names = (*_COLUMNS, *_AXIS_COLUMNS) if set(_AXIS_COLUMNS) <= set(found) else _COLUMNS
+        axis = [n for n in _AXIS_COLUMNS if n in found]
+        if 0 < len(axis) < len(_AXIS_COLUMNS):
+            raise ClosureError(f"{path}: a tool axis takes ax ay az, and only {axis} is there")
+        names = (*_COLUMNS, *axis)
         rows = []
         for line in reader:
-            try:
-                rows.append([float(line[n]) for n in names])
-            except (TypeError, ValueError):
-                raise ClosureError(f"{path}, line {reader.line_num}: not a number") from None
+            where = f"{path}, line {reader.line_num}"
+            rows.append([_number(line[n], f"{where}: {{}} in column {n}") for n in names])
     if not rows:
         raise ClosureError(f"{path}: no rows")
     table = np.array(rows)
-    return task_path(
-        mechanism,
-        table[:, 0],
-        table[:, 1:4],
-        axes=table[:, 4:] if table.shape[1] > 4 else None,
-        outputs=outputs,
-        name=Path(path).stem,
-    )
+    try:
+        return task_path(
+            mechanism,
+            table[:, 0],
+            table[:, 1:4],
+            axes=table[:, 4:] if table.shape[1] > 4 else None,
+            outputs=outputs,
+            name=Path(path).stem,
+        )
+    except ClosureError as error:
+        raise ClosureError(f"{path}: {error}") from None
+
+
+def _number(text: str | None, message: str) -> float:
+    """A finite number. Raises ``ClosureError``, with what is wrong put into the message."""
+    try:
+        value = float(text or "")
+    except ValueError:
+        raise ClosureError(f"{message.format('not a number')}: {text or ''!r}") from None
+    if not math.isfinite(value):
+        raise ClosureError(f"{message.format('not a finite number')}: {text!r}")
+    return value
 
 
 def tool_axis(

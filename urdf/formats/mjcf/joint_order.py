@@ -20,8 +20,10 @@ def joint_order(file: str | os.PathLike[str]) -> tuple[str, ...]:
     path = Path(file)
     try:
         text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise DescriptionError(f"cannot read {str(path)!r}: {error}") from None
+    except UnicodeDecodeError:
+        raise DescriptionError(f"{str(path)!r} is not UTF-8 text") from None
+    except OSError as error:
+        raise DescriptionError(f"cannot read {str(path)!r}: {error.strerror}") from None
     compiled = compile_text(text, str(path))
     names = tuple(compiled.name("joint", i) for i in range(compiled.model.njnt))
     if "" in names:
