@@ -124,6 +124,8 @@ def joint_positions(
 
 def _wanted(mechanism: Mechanism, values: Mapping[str, float], now: np.ndarray) -> np.ndarray:
     """Values of all inputs (n_inputs,)."""
+    if not isinstance(values, Mapping):
+        raise ClosureError(f"values must be given by driven joint, {{name: value}}, got {values!r}")
     column = {name: i for i, name in enumerate(driven_joints(mechanism))}
     column |= {name: i for i, name in enumerate(mechanism.inputs)}
     wanted, given = now.copy(), dict[int, str]()

@@ -10,6 +10,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
+from closedchain.closure.given import one_number, whole_number
 from closedchain.closure.mechanism import Mechanism
 from closedchain.closure.modes.agreement import together
 from closedchain.closure.modes.assembling import result_of
@@ -20,12 +21,8 @@ from closedchain.closure.modes.result import Family, Postures
 from closedchain.closure.modes.seeking import LEAST, MOST, closed_postures, sought
 from closedchain.closure.modes.shapes import shapes_of, turns_that_count
 from closedchain.closure.modes.singular import with_singular
-from closedchain.closure.modes.within_time import (
-    Progress,
-    Search,
-    counted_in_time,
-    searched_in_time,
-)
+from closedchain.closure.modes.within_time import Search, counted_in_time, searched_in_time
+from closedchain.closure.progress import Progress
 from closedchain.closure.ranks import null_space
 from closedchain.closure.solve.alone import system_at
 from closedchain.closure.solve.problem import Problem
@@ -82,7 +79,8 @@ def postures(
     Raises
     ------
     ClosureError
-        More than one thing held; inputs, joints or outputs that are unknown or missing.
+        More than one thing held; inputs, joints or outputs that are unknown or missing; numbers
+        that are none.
 
     Examples
     --------
@@ -92,7 +90,11 @@ def postures(
     [-0.6, 0.317]
     """
     question = question_of(mechanism, inputs, pose, fixed, outputs)
-    asked = Search(starts, seed, None if seconds is None else time.monotonic() + seconds, progress)
+    until = None
+    if seconds is not None:
+        until = time.monotonic() + one_number(seconds, "seconds", itself=True)
+    most, first = whole_number(starts, "starts", 1), whole_number(seed, "seed", 0)
+    asked = Search(most, first, until, progress)
     if not question.problem.square:
         return _families(question, asked)
     shapes, notes = shapes_of(mechanism), list[str]()
