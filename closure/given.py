@@ -50,6 +50,13 @@ def one_number(value: Any, what: str, *, least: float = 0.0, itself: bool = Fals
     raise ClosureError(f"{what} must be {wanted}, got {value}")
 
 
+def by_name(values: Any, what: str, example: str) -> Mapping[str, Any]:
+    """A mapping of names to values. Raises ``ClosureError`` that shows one."""
+    if isinstance(values, Mapping):
+        return values
+    raise ClosureError(f"{what} must be a mapping, such as {example}, got {values!r}")
+
+
 def whole_number(value: Any, what: str, least: int) -> int:
     """A whole number from ``least`` on. Raises ``ClosureError``."""
     if isinstance(value, int | np.integer) and not isinstance(value, bool) and value >= least:

@@ -92,7 +92,7 @@ def controls(mechanism: Mechanism, q: np.ndarray, scene: Scene, offered: Control
         "parts": parts,
         "sticks": sticks,
         "moves": {"direct": bool(mechanism.inputs), "inverse": mechanism.task is not None},
-        "knobs": [{"way": k.way, "at": k.at, "name": k.name} for k in knobs],
+        "knobs": [{"way": k.way, "at": k.at, "name": k.name, "unit": k.unit} for k in knobs],
         "pairs": pairs,
         "unsigned": mechanism.rows > sampled_rank(mechanism).rank.value,
         "strokes": {
@@ -123,7 +123,7 @@ def controls(mechanism: Mechanism, q: np.ndarray, scene: Scene, offered: Control
         + '<p id="limits" class="told" role="status" hidden></p>\n'
         + _lists(places, modes)
         + _readouts(mechanism, reach)
-        + plane_maps(offered.planes)
+        + plane_maps(mechanism, offered.planes)
         + local_map(len(offered.planes), [f"{knobs[i].name} × {knobs[j].name}" for i, j in pairs])
         + _series_rows(series)
         + (_load(mechanism) if measured else "")

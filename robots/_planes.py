@@ -40,12 +40,16 @@ def _moved(mechanism: Mechanism, name: str, plane: Plane) -> dict[str, Any]:
     )
 
 
-def plane_maps(planes: Sequence[Plane]) -> str:
+def plane_maps(mechanism: Mechanism, planes: Sequence[Plane]) -> str:
     """Drawings of planes, each with the legend of its curves."""
-    return "".join(_map(i, plane) for i, plane in enumerate(planes))
+    units = dict(zip(mechanism.inputs, mechanism.input_units, strict=True))
+    return "".join(
+        _map(i, plane, [units.get(name, "m") for name in plane.over])
+        for i, plane in enumerate(planes)
+    )
 
 
-def _map(i: int, plane: Plane) -> str:
+def _map(i: int, plane: Plane, units: Sequence[str]) -> str:
     across, up = (html.escape(name) for name in plane.over)
     lines = "".join(_line(plane, kind, points) for kind, points in plane.curves)
     kinds = list(dict.fromkeys(kind for kind, _ in plane.curves))
@@ -56,8 +60,8 @@ def _map(i: int, plane: Plane) -> str:
         f'<svg class="plane" id="plane-{i}" viewBox="0 0 {SIZE:g} {SIZE:g}" tabindex="0" '
         f'role="img" aria-label="map of {across} and {up}: a click or arrow keys lead there">'
         f'{lines}<g id="mark-{i}"><circle class="mark" r="5"/></g></svg>\n'
-        f'<p class="ends"><span>{across} {left:.4g} to {right:.4g}, {up} {low:.4g} to {high:.4g}'
-        f"</span> {legend}"
+        f'<p class="ends"><span>{across} {left:.4g} to {right:.4g} {units[0]}, '
+        f"{up} {low:.4g} to {high:.4g} {units[1]}</span>; {legend}"
         f'<span id="other-{i}" hidden> other coordinates moved: the curves are of before</span>'
         "</p>\n"
     )

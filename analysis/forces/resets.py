@@ -262,8 +262,9 @@ class _Draw:
             met, drawn = met + len(more.q), drawn + size
             if drawn > most and len(found.q) < count:
                 raise ClosureError(
-                    f"only {len(found.q)} of {count} states were found in {drawn} draws of "
-                    f"{' '.join(self.chart.names)}: give ranges (over=) that the branch reaches"
+                    f"{len(found.q) or 'none'} of {count} states were found in {drawn} draws of "
+                    f"{' '.join(self.chart.names)}: give ranges (over=, --over) that the branch "
+                    "reaches"
                 )
             pool = pool.and_more(more, POOL)
         return found, met, drawn
@@ -345,5 +346,11 @@ def _ranges(chart: Chart, over: Mapping[str, tuple[float, float] | None]) -> np.
             low, high = np.clip([value - SPAN * scale, value + SPAN * scale], *bounds)
         else:
             low, high = range_of(asked, name)
+            least, most = limits.get(name, (-np.inf, np.inf))
+            if high < least or low > most:
+                raise ClosureError(
+                    f"all values of {name!r}, {low:g} to {high:g}, lie beyond its joint limits "
+                    f"{least:g} to {most:g}"
+                )
         found.append((low, high))
     return np.array(found).T

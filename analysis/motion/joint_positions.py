@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from closedchain.analysis.motion.track.tracking import track
-from closedchain.closure.given import finite_number
+from closedchain.closure.given import by_name, finite_number
 from closedchain.closure.mechanism import Mechanism
 from closedchain.closure.nearest import beyond_limits, limit_note
 from closedchain.closure.position import direct
@@ -124,12 +124,10 @@ def joint_positions(
 
 def _wanted(mechanism: Mechanism, values: Mapping[str, float], now: np.ndarray) -> np.ndarray:
     """Values of all inputs (n_inputs,)."""
-    if not isinstance(values, Mapping):
-        raise ClosureError(f"values must be given by driven joint, {{name: value}}, got {values!r}")
     column = {name: i for i, name in enumerate(driven_joints(mechanism))}
     column |= {name: i for i, name in enumerate(mechanism.inputs)}
     wanted, given = now.copy(), dict[int, str]()
-    for name, value in values.items():
+    for name, value in by_name(values, "values", f"{{{mechanism.inputs[0]!r}: 0.5}}").items():
         if name not in column:
             raise ClosureError(known_names(str(name), "driven joint", column))
         i = column[name]

@@ -80,7 +80,7 @@ def postures(
     ------
     ClosureError
         More than one thing held; inputs, joints or outputs that are unknown or missing; numbers
-        that are none.
+        that are none; starts below one, seconds below zero.
 
     Examples
     --------

@@ -239,6 +239,8 @@ class Postures:
             real = f"of which {'these are' if self.count > 1 else 'this is'} real"
             if not self.count:
                 real = "none of them real"
+            if self.complex_count == 1:
+                return f"Counted: 1 complex solution, {'which is real' if self.count else real}."
             return f"Counted: {self.complex_count} complex solutions, {real}."
         if not self.count:
             return (
@@ -264,7 +266,11 @@ class Postures:
         lines = [f"{self.count} {what} with {self.held}."]
         lines.append(self._evidence())
         if self.infinite:
-            lines.append(f"{self.infinite} generic solutions are at infinity here.")
+            one = self.infinite == 1
+            lines.append(
+                f"{self.infinite} generic solution{'' if one else 's'} {'is' if one else 'are'} at "
+                "infinity here."
+            )
         if self.count and self.certified.all():
             lines.append(
                 f"Each is proved to exist, alone within {self.radius.max():.0e} (Krawczyk's test)."

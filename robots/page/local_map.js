@@ -144,7 +144,8 @@ function followed(plane, start, mine) {
 
 function describeLocal({axes, ranges}, pair) {
   const [across, up] = pair.map((i) => data.knobs[i].name);
-  const [a, b] = ranges.map((ends) => ends.map((x) => +x.toFixed(4)).join(" to "));
+  const [a, b] = ranges.map((ends, n) =>
+    `${ends.map((x) => +x.toFixed(4)).join(" to ")} ${data.knobs[pair[n]].unit}`);
   cell("local-ends", `${across} across, ${a}; ${up} up, ${b}`);
 }
 

@@ -276,7 +276,7 @@ def solution(mechanism: Mechanism, found: Solution, more: Mapping[str, list[str]
     )
     say("")
     passive = {
-        name: " ".join(f"{x + 0.0:.6g}" for x in values.tolist())
+        name: " ".join(f"{x + 0.0:.6g}" for x in _tidy(values.tolist()))
         for name, values in data["joints"].items()
         if mechanism.model.idx_vs[mechanism.model.getJointId(name)] not in set(mechanism.input_v)
     }
@@ -340,7 +340,8 @@ def survey(found: Survey, written: Mapping[str, Path], json: bool, *, details: b
         for note in found.notes:
             tell(note)
         if found.details:
-            say(f"{len(found.details)} remarks on how sets were sought: --details shows them.")
+            remarks = "1 remark" if len(found.details) == 1 else f"{len(found.details)} remarks"
+            say(f"{remarks} on how sets were sought: --details says more.")
         tell("At home: " + found.redundancy.text)
     for path in written.values():
         say(str(path))

@@ -1,5 +1,7 @@
 """All joints from the driven ones: the branch is kept, singularities stop, names are understood."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from conftest import Tolerances, assert_close
@@ -114,9 +116,10 @@ def test_inputs_that_the_loops_tie_say_what_would_do() -> None:
         ({"q1": 0.5, "leg1_P": 0.5}, "same driven joint"),
         ({"q1": float("nan")}, r"the value of q1 must be a finite number \[m\] .* got nan"),
         ({"q1": 1e7}, "of 1e[+]06 at most"),
+        ([0.5], r"values must be a mapping, such as \{'q1': 0.5\}, got \[0.5\]"),
         ({"q1": "x"}, "must be a finite number .* got 'x'"),
     ],
 )
-def test_wrong_values_are_refused(d1: cc.Mechanism, values: dict, words: str) -> None:
+def test_wrong_values_are_refused(d1: cc.Mechanism, values: Any, words: str) -> None:
     with pytest.raises(cc.ClosureError, match=words):
         cc.joint_positions(d1, values)

@@ -55,6 +55,7 @@ from closedchain.analysis.singularity.maps import storage
         ("eclipse", {"over": {"tilt": [0, 1]}, "at": {"torsion": 4.0}}, "'torsion' must be"),
         ("eclipse", {"over": {"tilt": [0, 1]}, "mode": "elbow"}, r"unknown mode 'elbow'.*\+\+\+"),
         ("d1", {"over": {"x": [0.0, 0.1]}}, "singular for these coordinates"),
+        ("d1", {"over": ["q1", "q2"]}, "over must be a mapping, such as .*'q1': np.linspace"),
         ("d1", {"over": {"q1": [0.5, 0.52]}, "chunk": 0}, "positive number of cells"),
         ("d1", {"over": {"q1": [0.5, 0.52]}, "chunk": {"q2": 4}}, "'q2', which does not vary.*q1"),
         ("d1", {"over": {"q1": [0.5, 0.52]}, "workers": 0}, "workers must be a positive number"),

@@ -131,7 +131,14 @@ def test_dataset(d1: cc.Mechanism, states: cc.Resets) -> None:
         ({"n": 5, "speed": -1.0}, "speed"),
         ({"n": 5, "over": {"nobody": None}}, "nobody"),
         ({"n": 5, "over": {"q1": (1.0, 0.0)}}, "does not rise"),
-        ({"n": 5, "over": {"q1": (5.0, 6.0)}}, "only 0 of 5 states"),
+        (
+            {"n": 5, "over": {"q1": (0.3, 0.4), "q2": (-1.2, -1.1)}},
+            r"none of 5 states were found in .* draws of q1 q2",
+        ),
+        (
+            {"n": 5, "over": {"q1": (5.0, 6.0)}},
+            "all values of 'q1', 5 to 6, lie beyond its joint limits -1.2 to 0.4",
+        ),
         ({"n": 5, "start": np.zeros(16)}, "open by"),
     ],
 )

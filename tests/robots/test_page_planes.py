@@ -77,7 +77,7 @@ def test_a_map_around_here_follows_the_branch(browser: Browser, tmp_path: Path) 
         there = posture(browser)
     assert told[0] == "theta1 × theta2"
     assert "inverse singularities" in legend
-    ranges = np.array([float(x) for x in re.findall(r"-?[\d.]+(?= to|;|$)", ends)]).reshape(2, 2)
+    ranges = np.array([float(x) for x in re.findall(r"-?[\d.]+(?= to| rad)", ends)]).reshape(2, 2)
     axes = [np.linspace(low, high, 31) for low, high in ranges]
     reached = np.array([[one is not None for one in column] for column in cells]).ravel()
     assert 100 < reached.sum() < 900

@@ -321,10 +321,10 @@ def _frames(
         for joint in joints:
             root.append(joint_element(joint))
         end = stubs.closure
-        what = "link on a joint" if len(links) == 1 else "links on joints"
+        what = "an empty link on a joint" if len(links) == 1 else "empty links on joints"
         sentence = (
-            f"the {closure.type} closure {closure.name!r} is a pair of frames behind an empty "
-            f"{what} of its own"
+            f"the {closure.type} closure {closure.name!r} is a pair of frames behind {what} of "
+            "its own"
         )
     first = _frame(root, end.parent, end.parent_origin, f"{closure.name}_A")
     second = _frame(root, end.child, end.child_origin, f"{closure.name}_B")

@@ -208,9 +208,8 @@ def collected(
     held = f", {' '.join(locks)} locked" if locks else ""
     if blocked is None:
         worst = min((p.sigmas.smallest for p in run.postures), default=0.0)
-        message = (
-            f"all {reached} samples reached{held}; least distance to a singularity {worst:.4g}"
-        )
+        done = f"all {reached} samples" if reached > 1 else f"{reached} sample"
+        message = f"{done} reached{held}; least distance to a singularity {worst:.4g}"
         message += _idle(problem)
     else:
         message = f"{blocked.message}; {reached} of {problem.route.size} samples reached{held}"

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from closedchain.closure.chart import Chart, joint_index
 from closedchain.closure.charting import At, chart_of
-from closedchain.closure.given import real_array
+from closedchain.closure.given import by_name, real_array
 from closedchain.closure.mechanism import Mechanism
 from closedchain.closure.modes.choosing import by_pose, mode_posture
 from closedchain.urdf.errors import ClosureError
@@ -116,6 +116,7 @@ def grid_of(
         Unknown coordinates or modes, values that do not rise or lie where no posture can be, held
         values that cannot be reached.
     """
+    over = by_name(over, "over", "{'q1': np.linspace(0.1, 0.2, 50)}")
     names = tuple(str(name) for name in over)
     if len(names) > MOST_COORDINATES:
         raise ClosureError(

@@ -125,9 +125,14 @@ class SingularitySet:
     @property
     def text(self) -> str:
         """What was found, in one line."""
-        what = {0: "points", 1: "polylines", 2: "meshes"}[self.dimension]
-        found = f"{len(self.q)} points in {len(self.pieces)} {what}"
-        return f"{self.kind} over {' x '.join(self.over)}: {self.verdict}, {found}. {self.note}"
+        said = f"{self.kind} over {' x '.join(self.over)}: {self.verdict}"
+        if self.pieces:
+            said += f", {len(self.q)} point{'s' * (len(self.q) != 1)}"
+        if self.pieces and self.dimension:
+            one, many = (("polyline", "polylines"), ("mesh", "meshes"))[self.dimension - 1]
+            count = len(self.pieces)
+            said += f" in {count} {one if count == 1 else many}"
+        return "; ".join(filter(None, (said, self.note.rstrip(".")))) + "."
 
     def of_branch(self) -> SingularitySet:
         """Only what the branch of the start reaches: polylines are cut where they leave it."""
