@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from closedchain.analysis.singularity.maps.grid import Progress
+from closedchain.closure.progress import Progress
 
 
 @contextmanager

@@ -74,7 +74,8 @@ class Split:
             Malformed numbers, or a G that is singular.
         """
         wanted = finite_vector(outputs, len(self.outputs), "output rates", "m/s, rad/s")
-        given = np.broadcast_to(np.asarray(free, dtype=float), (len(self.free),))
+        rates = np.full(len(self.free), free) if np.ndim(free) == 0 else free
+        given = finite_vector(rates, len(self.free), "rates of the free inputs", "per second")
         if self.sigma < SINGULAR:
             raise ClosureError(
                 f"G is singular with {' '.join(self.free)} free (smallest singular value "

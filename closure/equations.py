@@ -7,27 +7,18 @@ from machine code; here nothing need be known of the mechanism but its model, as
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import pinocchio as pin
 
-from closedchain.closure.mechanism import Mechanism
-from closedchain.closure.task import Goal, goal_rows
+from closedchain.closure.task import goal_rows
+from closedchain.closure.unknowns import Unknowns
 
 
 @dataclass(frozen=True, eq=False)
-class Equations:
-    """Closures and goals of a mechanism in the unknowns ``free`` (indices in v).
-
-    ``within`` are limits (lower, upper) of q that steps are clipped to, if any.
-    """
-
-    mechanism: Mechanism
-    free: np.ndarray
-    goals: tuple[Goal, ...] = ()
-    within: tuple[np.ndarray, np.ndarray] | None = field(default=None, repr=False)
+class Equations(Unknowns):
+    """Closures and goals of a mechanism in some of its coordinates."""
 
     @cached_property
     def row_scale(self) -> np.ndarray:
@@ -57,10 +48,3 @@ class Equations:
     def residual(self, q: np.ndarray) -> np.ndarray:
         """Residual (rows,) [m, rad] alone at ``q``."""
         return self.evaluate(q)[0] if self.goals else self.mechanism.workspace.residual(q)
-
-    def move(self, q: np.ndarray, step: np.ndarray) -> np.ndarray:
-        """Posture after a dimensionless step (free,) of the unknowns."""
-        v = np.zeros(self.mechanism.model.nv)
-        v[self.free] = step * self.mechanism.column_scale[self.free]
-        q = pin.integrate(self.mechanism.model, q, v)
-        return q if self.within is None else np.clip(q, *self.within)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import reprlib
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -15,15 +16,18 @@ LARGEST_NUMBER = 1e6  # metres or radians: beyond it rounding alone breaks the c
 LARGEST_SQUARE = LARGEST_NUMBER**2
 
 
-def real_array(values: ArrayLike, what: str) -> np.ndarray:
-    """Array of real numbers, of any shape, finite or not. Raises ``ClosureError``."""
+def real_array(values: ArrayLike, what: str, wanted: str = "numbers") -> np.ndarray:
+    """Array of real numbers, of any shape, finite or not.
+
+    Raises ``ClosureError``, which says that ``what`` must be ``wanted``.
+    """
     try:
         raw = np.asarray(values)
         if raw.dtype.kind not in "biufO":  # text and complex numbers would be cast silently
             raise TypeError
         return np.array(raw, dtype=float)
     except (TypeError, ValueError):
-        raise ClosureError(f"{what} must be numbers, got {values!r}") from None
+        raise ClosureError(f"{what} must be {wanted}, got {reprlib.repr(values)}") from None
 
 
 def finite_number(value: Any, what: str, unit: str) -> float:
@@ -71,13 +75,7 @@ def finite_vector(
         array = values.copy()
         if array.dot(array) <= LARGEST_SQUARE:  # also false for what is not finite
             return array
-    try:
-        raw = np.asarray(values)
-        if raw.dtype.kind not in "biufO":  # text and complex numbers would be cast silently
-            raise TypeError
-        array = np.array(raw, dtype=float)
-    except (TypeError, ValueError):
-        raise ClosureError(f"{what} must be {size} numbers ({unit}), got {values!r}") from None
+    array = real_array(values, what, f"{size} numbers ({unit})")
     if size == 1 and array.ndim == 0:
         array = array.reshape(1)
     if array.shape != (size,):
@@ -116,7 +114,7 @@ def vector_by_name(
 
 def finite_rows(values: ArrayLike, names: Sequence[str], what: str) -> np.ndarray:
     """Check (n, k) finite numbers, k names. Raises ``ClosureError``."""
-    rows = np.array(values, dtype=float)
+    rows = real_array(values, what)
     if rows.ndim != 2 or rows.shape[1] != len(names):
         raise ClosureError(
             f"{what} must be (n, {len(names)}) ({' '.join(names)}), got {rows.shape}"

@@ -10,10 +10,11 @@ import numpy as np
 
 from closedchain.closure.assembly import Assembled, assembled, moved
 from closedchain.closure.build import as_stated, length_at
+from closedchain.closure.given import real_array
 from closedchain.closure.mechanism import Mechanism
 from closedchain.closure.rounding.verdict import meant
 from closedchain.urdf.description import Description, ParameterValue
-from closedchain.urdf.errors import DescriptionError, known_names
+from closedchain.urdf.errors import ClosureError, DescriptionError, known_names
 from closedchain.urdf.meshes import with_mesh_paths
 
 JointValue = float | Sequence[float]
@@ -203,7 +204,10 @@ def _given(
         if joint is None:
             raise DescriptionError(f"home: {known_names(str(name), 'joint', [*types, *driven])}")
         count = 7 if types[joint] == "floating" else 1
-        numbers = np.ravel(np.asarray(value, dtype=float))
+        try:
+            numbers = np.ravel(real_array(value, joint))
+        except ClosureError:
+            numbers = np.zeros(0)  # no numbers: what must be there is told below
         if numbers.shape != (count,) or not np.isfinite(numbers).all():
             raise DescriptionError(
                 f"home of joint {joint!r} must be {count} finite number{'s' * (count > 1)}, got "

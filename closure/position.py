@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from closedchain.closure.branchless import anywhere, closed_near, not_closed
 from closedchain.closure.constraints import flipped_axes
 from closedchain.closure.generic import dimensionless_jacobian, generic_ranks
-from closedchain.closure.given import LARGEST_SQUARE
+from closedchain.closure.given import LARGEST_SQUARE, real_array
 from closedchain.closure.mechanism import Mechanism
 from closedchain.closure.nearest import beyond_limits, limit_note
 from closedchain.closure.ranks import null_space, numerical_rank
@@ -50,7 +50,7 @@ def direct(
         return _solution(problem, found)
     system = System(mechanism, mechanism.passive_v)
     kept_alone = found.code == ARRIVED  # the kept rows closed, others did not
-    found, start = _again(problem, system, start, end, found)
+    found, start = _again(problem, start, end, found)
     if _good(found):
         return _solution(problem, found)
     if found.reached < 0.0:
@@ -87,7 +87,7 @@ def inverse(
         return _solution(problem, found)
     tip, names = mechanism.required_task().tip, mechanism.outputs(outputs)
     system = System(mechanism, np.arange(mechanism.model.nv), (goal(mechanism, tip, pose, names),))
-    found, start = _again(problem, system, start, end, found)
+    found, start = _again(problem, start, end, found)
     if _good(found) and found.facing >= 0.0:
         return _solution(problem, found)
     if found.reached < 0.0:
@@ -140,7 +140,7 @@ def _good(found: Single) -> bool:
 
 
 def _again(
-    problem: Problem, system: System, start: np.ndarray, end: np.ndarray, found: Single
+    problem: Problem, start: np.ndarray, end: np.ndarray, found: Single
 ) -> tuple[Single, np.ndarray]:
     """What a way that did not arrive leads to from a guess closed first, or with other rows."""
     follower = follower_of(problem)
@@ -289,7 +289,7 @@ def solve_many(problem: Problem, end: np.ndarray, guess: ArrayLike | None) -> So
 def _poses(poses: Sequence[pin.SE3] | np.ndarray) -> np.ndarray:
     """Targets (n, POSE) of poses. Raises ``ClosureError``."""
     if isinstance(poses, np.ndarray) and poses.dtype != object:
-        found = np.array(poses, dtype=float)
+        found = real_array(poses, "pose", f"a pin.SE3, or (n, {POSE}) finite numbers")
     elif isinstance(poses, Sequence) and all(isinstance(pose, pin.SE3) for pose in poses):
         found = np.array([pin.SE3ToXYZQUAT(pose) for pose in poses]).reshape(-1, POSE)
     else:

@@ -1,8 +1,7 @@
 """Which legs the DeLiA family has: words XYS of the joints that the paper combines.
 
-A three-legged stage needs five freedoms a leg, an outer leg six [Gallardo-Alvarado 2010, section
-2].
-Apart from what computes with them, so that the catalogue can be listed without it.
+A leg of a stage of three needs five freedoms, an outer leg six [Gallardo-Alvarado 2010, section 2].
+The words stand apart from what computes with them, so that the catalogue can be listed without it.
 """
 
 from __future__ import annotations

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from numpy.typing import ArrayLike
 
 from closedchain.closure import Mechanism
+from closedchain.closure.given import whole_number
 from closedchain.robots._overlays import Overlay
 from closedchain.robots._recorder import Up
 from closedchain.robots.animation import Animation
@@ -38,7 +39,7 @@ class Embedded:
 
     def __post_init__(self) -> None:
         """Raises ``ClosureError`` for a height that is none."""
-        if not 50 <= self.height <= 10_000:
+        if whole_number(self.height, "height", 50) > 10_000:
             raise ClosureError(f"height must be 50 to 10000 pixels, got {self.height!r}")
 
     def _repr_html_(self) -> str:

@@ -9,6 +9,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import ArrayLike
 
+from closedchain.closure.given import real_array
 from closedchain.closure.singularity_kinds import COMBINED, KINDS
 from closedchain.urdf.errors import ClosureError, known_names
 
@@ -168,13 +169,7 @@ def limits_of(overlay: Painted) -> tuple[float, float]:
 
 def numbers(values: ArrayLike, what: str) -> np.ndarray:
     """Array of finite numbers, not writeable. Raises ``ClosureError``."""
-    try:
-        raw = np.asarray(values)
-        if raw.dtype.kind not in "biuf":
-            raise TypeError
-        array = np.array(raw, dtype=float)
-    except (TypeError, ValueError):
-        raise ClosureError(f"{what} must be an array of numbers") from None
+    array = real_array(values, what, "an array of numbers")
     if not np.isfinite(array).all():
         first = np.argwhere(~np.isfinite(array))[0].tolist()
         raise ClosureError(f"{what} must be finite; entry {first} is {array[tuple(first)]}")

@@ -17,6 +17,10 @@ if TYPE_CHECKING:
     from browser import Browser
 
 
+Reference = Callable[[str], dict[str, Any]]
+"""Reads a file of reference values by name."""
+
+
 @dataclass(frozen=True)
 class Tolerances:
     """What counts as equal, and why."""
@@ -52,7 +56,7 @@ def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
 
 
 @pytest.fixture(scope="session")
-def reference() -> Callable[[str], dict[str, Any]]:
+def reference() -> Reference:
     def read(name: str) -> dict[str, Any]:
         path = Path(__file__).parent / "reference" / f"{name}.json"
         return json.loads(path.read_text())

@@ -14,7 +14,6 @@ NEEDED = {  # functions whose arguments are the terms of one formula, or of one 
     "closedchain.analysis.motion.follow.programme.programme",
     "closedchain.analysis.motion.follow.stepping.run",
     "closedchain.analysis.motion.follow.whole_path.optimise",
-    "closedchain.analysis.motion.track.states._turn_of_shortest",
     "closedchain.analysis.motion.track.stops._slope",
     "closedchain.analysis.structure.poc._displacements",
     "closedchain.analysis.symbolic.closed_forms._result",

@@ -169,9 +169,10 @@ def statuses_of(data: xr.Dataset) -> dict[str, int]:
 def start_of(data: xr.Dataset) -> tuple[str, list[float]] | None:
     """Name and coordinates of the posture that the map starts from, None where it is not known."""
     values = [data.attrs.get(f"start_{name}") for name in data["status"].dims]
-    if any(value is None for value in values):
+    numbers = [float(value) for value in values if value is not None]
+    if len(numbers) < len(values):
         return None
-    return str(data.attrs.get("start", "start")), [float(value) for value in values]  # type: ignore[arg-type]
+    return str(data.attrs.get("start", "start")), numbers
 
 
 def blank_colour(name: str, scheme: Scheme) -> str:

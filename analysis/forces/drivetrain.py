@@ -37,11 +37,6 @@ class Drivetrain:
         """Efforts (nv,) [N, N m] that damping and friction ask for at velocities (nv,)."""
         return np.asarray(self.damping * v + self.friction * np.sign(v))
 
-    @property
-    def dry(self) -> bool:
-        """Whether any joint has dry friction."""
-        return bool(self.friction.any())
-
 
 def drivetrain(mechanism: Mechanism) -> Drivetrain:
     """Drivetrain of a mechanism, read once from its description."""

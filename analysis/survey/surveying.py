@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from closedchain.analysis.redundancy import Redundancy, redundancy
-from closedchain.analysis.singularity.maps.grid import STATUSES, Progress, grid_of
+from closedchain.analysis.singularity.maps.grid import STATUSES, grid_of
 from closedchain.analysis.singularity.maps.labels import variable_name
 from closedchain.analysis.singularity.maps.mapping import singularity_map
 from closedchain.analysis.singularity.measures_table import Function
@@ -32,6 +32,7 @@ from closedchain.analysis.survey.plan import (
 from closedchain.closure.chart import TILTS
 from closedchain.closure.charting import chart_of, coordinate_names
 from closedchain.closure.mechanism import Mechanism
+from closedchain.closure.progress import Progress
 from closedchain.urdf.description import OUTPUTS
 from closedchain.urdf.errors import ClosureError, known_names
 

@@ -92,7 +92,7 @@ class Context:
                 levers[name], lever_factors[name] = product(number, out)
         determinant_, factors, reason = self._leg_determinant(form, lever_parts, lever_factors)
         force = {
-            self.input_of(joint): self._force(together, form, drive.levers)
+            self.input_of(joint): self._force(together, drive.levers)
             for drive in form.driving
             for joint in drive.levers
         }
@@ -150,9 +150,7 @@ class Context:
         expr, factors = product(number, out)
         return expr, factors, ""
 
-    def _force(
-        self, together: PlatformForms, form: LegForms, levers: Mapping[str, Element]
-    ) -> Expr:
+    def _force(self, together: PlatformForms, levers: Mapping[str, Element]) -> Expr:
         import sympy
 
         row = together.owners.index(tuple(levers))

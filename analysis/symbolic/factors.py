@@ -7,8 +7,12 @@ polynomials are factored in several normal forms, and that with most factors is 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from closedchain.analysis.symbolic.ring import Element, Ring
+
+if TYPE_CHECKING:
+    from sympy.polys.rings import PolyRing
 
 _MANY, _LONG = 12, 30
 """Beyond as many generators and terms sympy's dense factoring takes minutes: only generators that
@@ -20,14 +24,14 @@ Factored = tuple[Element, list[tuple[Element, int]]]
 
 def factored(ring: Ring, element: Element) -> Factored:
     """Number and factors of a nonzero element; their product is the element, exactly."""
-    best = _plain(ring, element)
+    best = _compact(element)
     flipped: frozenset[int] = frozenset()
     improved = True
     while improved:
         improved = False
         for i in _squares(ring, element, flipped):
             trial = flipped ^ {i}
-            found = _plain(ring, ring.reduce(element, trial))
+            found = _compact(ring.reduce(element, trial))
             if _merit(found) > _merit(best):
                 best, flipped, improved = found, trial, True
     # factors may fall apart further in forms of their own
@@ -35,7 +39,7 @@ def factored(ring: Ring, element: Element) -> Factored:
     out: list[tuple[Element, int]] = []
     for part, power in parts:
         for i in range(len(ring.angles)):
-            other = _plain(ring, ring.reduce(part, frozenset({i})))
+            other = _compact(ring.reduce(part, frozenset({i})))
             if len(other[1]) > 1 or (other[1] and other[1][0][1] > 1):
                 number *= other[0] ** power
                 out += [(p, e * power) for p, e in other[1]]
@@ -89,25 +93,29 @@ def _common(elements: Sequence[Element]) -> Element:
     small = PolyRing([ring.symbols[i] for i in occur], ring.domain)
     common = small.zero
     for x in sorted(present, key=len):
-        there = small.from_dict({tuple(m[i] for i in occur): c for m, c in x.items()})
+        there = _narrowed(small, occur, x)
         common = common.gcd(there) if common else there
         if _constant(common):
             return ring.one
     if common.LC < 0:
         common = -common
+    return _widened(ring, occur, common)
+
+
+def _narrowed(small: PolyRing, kept: Sequence[int], element: Element) -> Element:
+    """A polynomial in a ring of those generators alone that occur in it."""
+    return small.from_dict({tuple(m[i] for i in kept): c for m, c in element.items()})
+
+
+def _widened(ring: PolyRing, kept: Sequence[int], element: Element) -> Element:
+    """The other way round: a polynomial in all generators of a ring again."""
     out = {}
-    for mono, coeff in common.items():
+    for mono, coeff in element.items():
         full = [0] * ring.ngens
-        for i, power in zip(occur, mono, strict=True):
+        for i, power in zip(kept, mono, strict=True):
             full[i] = power
         out[tuple(full)] = coeff
     return ring.from_dict(out)
-
-
-def _plain(ring: Ring, element: Element) -> Factored:
-    """Factors of the polynomial, forgetting how its generators hang together."""
-    number, parts = _compact(element)
-    return number, parts
 
 
 def _compact(element: Element) -> Factored:
@@ -119,22 +127,12 @@ def _compact(element: Element) -> Factored:
     if not used:
         return element.LC if element else ring.domain.zero, []
     small = PolyRing([ring.symbols[i] for i in used], ring.domain)
-    there = small.from_dict({tuple(m[i] for i in used): c for m, c in element.items()})
+    there = _narrowed(small, used, element)
     if len(used) > _MANY and len(element) > _LONG:
         number, parts = _monomial(there)
     else:
         number, parts = there.factor_list()
-
-    def back(part: Element) -> Element:
-        out = {}
-        for mono, coeff in part.items():
-            full = [0] * ring.ngens
-            for i, power in zip(used, mono, strict=True):
-                full[i] = power
-            out[tuple(full)] = coeff
-        return ring.from_dict(out)
-
-    return number, [(back(part), power) for part, power in parts]
+    return number, [(_widened(ring, used, part), power) for part, power in parts]
 
 
 def _monomial(element: Element) -> Factored:

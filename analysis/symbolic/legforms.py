@@ -81,7 +81,7 @@ def leg_forms(
     """Leg forms; ``point`` holds generic values of joints and parameters, ``scale`` a length."""
     values = chains.sizes.values
     steps, cut = _steps(chains, chain)
-    branches = _members(chains, chain, steps, cut)
+    branches = _members(chains, chain, cut)
     there = [backwards(steps[:cut]), list(steps[cut:]), *[m for group in branches for m in group]]
     angles: dict[Angle, None] = {}
     for part in there:
@@ -183,9 +183,7 @@ def signed(chains: Chains, element: PairElement, sign: int, member: int) -> list
     return out if sign > 0 else [(p, -way) for p, way in reversed(out)]
 
 
-def _members(
-    chains: Chains, chain: LegChain, steps: list[Step], cut: int
-) -> list[list[list[Step]]]:
+def _members(chains: Chains, chain: LegChain, cut: int) -> list[list[list[Step]]]:
     """Walks from the frame through each member of each composite."""
     out: list[list[list[Step]]] = []
     done: list[tuple[int, int]] = []
@@ -224,11 +222,11 @@ def _composite(
     wrenches: list[Vector] = []
     for steps in members:
         walked = walk(steps, ring, values)
-        wrenches += reciprocal(ring, _unit_hinges(ring, walked, steps), point, scale)
+        wrenches += reciprocal(ring, _unit_hinges(ring, walked), point, scale)
     return reciprocal(ring, independent(ring, wrenches, point, scale), point, scale)
 
 
-def _unit_hinges(ring: Ring, walked: Walked, steps: list[Step]) -> list[Vector]:
+def _unit_hinges(ring: Ring, walked: Walked) -> list[Vector]:
     """Screws of a walk, with unit axes for the three hinges of a spherical joint."""
     out: list[Vector] = []
     for name, screw in walked.screws.items():

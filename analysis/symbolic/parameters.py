@@ -7,7 +7,7 @@ with exact coefficients; anything else is kept as its number, and said so.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from math import pi
@@ -15,7 +15,7 @@ from math import pi
 import numpy as np
 
 from closedchain.analysis.symbolic.exact import Exact, exact, exact_or_rounded
-from closedchain.urdf.description import Description, LoopClosure, Origin, ParameterValue
+from closedchain.urdf.description import Description, ParameterValue
 from closedchain.urdf.errors import DescriptionError
 
 Key = tuple[str, str, int]
@@ -165,7 +165,8 @@ def _knobs(description: Description) -> dict[str, float]:
             continue
         numbers = _sequence(value)
         if len(numbers) > 1:
-            suffixes: Sequence[str] = "xyz" if len(numbers) == 3 else range(1, len(numbers) + 1)  # type: ignore[assignment]
+            count = range(1, len(numbers) + 1)
+            suffixes = [*"xyz"] if len(numbers) == 3 else [str(k) for k in count]
             out |= {f"{name}_{s}": v for s, v in zip(suffixes, numbers, strict=True)}
     return out
 
@@ -236,27 +237,24 @@ def _misfits(
 
 def _numbers(description: Description) -> dict[Key, float]:
     """Coordinates of all origins and axes."""
-    out: dict[Key, float] = {}
+    return {
+        (element, what, i): value
+        for element, what, values in _vectors(description)
+        for i, value in enumerate(values)
+    }
 
-    def put(element: str, what: str, values: Sequence[float]) -> None:
-        for i, value in enumerate(values):
-            out[element, what, i] = value
 
-    def origin(element: str, prefix: str, at: Origin) -> None:
-        put(element, f"{prefix}xyz", at.xyz)
-        put(element, f"{prefix}rpy", at.rpy)
-
+def _vectors(description: Description) -> Iterator[tuple[str, str, Sequence[float]]]:
+    """Origins and axes: whose they are, what they are called, their coordinates."""
     for joint in description.joints:
-        origin(f"joint {joint.name}", "", joint.origin)
-        put(f"joint {joint.name}", "axis", joint.axis)
+        element = f"joint {joint.name}"
+        yield element, "xyz", joint.origin.xyz
+        yield element, "rpy", joint.origin.rpy
+        yield element, "axis", joint.axis
     for closure in description.closures:
-        _closure(origin, put, closure)
-    return out
-
-
-def _closure(origin, put, closure: LoopClosure) -> None:  # type: ignore[no-untyped-def]
-    element = f"closure {closure.name}"
-    origin(element, "parent_origin_", closure.parent_origin)
-    origin(element, "child_origin_", closure.child_origin)
-    put(element, "parent_axis", closure.parent_axis)
-    put(element, "child_axis", closure.child_axis)
+        element = f"closure {closure.name}"
+        for side, origin in (("parent", closure.parent_origin), ("child", closure.child_origin)):
+            yield element, f"{side}_origin_xyz", origin.xyz
+            yield element, f"{side}_origin_rpy", origin.rpy
+        yield element, "parent_axis", closure.parent_axis
+        yield element, "child_axis", closure.child_axis

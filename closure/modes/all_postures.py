@@ -21,12 +21,8 @@ from closedchain.closure.modes.result import Family, Postures
 from closedchain.closure.modes.seeking import LEAST, MOST, closed_postures, sought
 from closedchain.closure.modes.shapes import shapes_of, turns_that_count
 from closedchain.closure.modes.singular import with_singular
-from closedchain.closure.modes.within_time import (
-    Progress,
-    Search,
-    counted_in_time,
-    searched_in_time,
-)
+from closedchain.closure.modes.within_time import Search, counted_in_time, searched_in_time
+from closedchain.closure.progress import Progress
 from closedchain.closure.ranks import null_space
 from closedchain.closure.solve.alone import system_at
 from closedchain.closure.solve.problem import Problem
@@ -83,8 +79,8 @@ def postures(
     Raises
     ------
     ClosureError
-        More than one thing held; inputs, joints or outputs that are unknown or missing; starts
-        below one, seconds that are not above zero.
+        More than one thing held; inputs, joints or outputs that are unknown or missing; numbers
+        that are none; starts below one, seconds below zero.
 
     Examples
     --------
@@ -94,10 +90,11 @@ def postures(
     [-0.6, 0.317]
     """
     question = question_of(mechanism, inputs, pose, fixed, outputs)
-    until = None if seconds is None else time.monotonic() + one_number(seconds, "seconds")
-    asked = Search(
-        whole_number(starts, "starts", 1), whole_number(seed, "seed", 0), until, progress
-    )
+    until = None
+    if seconds is not None:
+        until = time.monotonic() + one_number(seconds, "seconds", itself=True)
+    most, first = whole_number(starts, "starts", 1), whole_number(seed, "seed", 0)
+    asked = Search(most, first, until, progress)
     if not question.problem.square:
         return _families(question, asked)
     shapes, notes = shapes_of(mechanism), list[str]()

@@ -22,7 +22,7 @@ from closedchain.closure.modes.shapes import Shapes, groups
 from closedchain.closure.solve.problem import Problem
 from closedchain.closure.tape import cache
 
-FORMAT = "generic solutions 5"
+FORMAT = "generic solutions 6"
 DETOURS = 3  # other ways for paths that were lost
 TOGETHER = 512  # paths that are followed together
 

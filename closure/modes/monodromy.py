@@ -40,7 +40,9 @@ DETOURS = 3
 MOST = 2000  # solutions
 POINTS = (500, 20)  # of a slice at most: so many, and so many for each solution
 TRIALS = 6  # of the trace test, each with more loops
-S, NEXT = 1.0, 0.4 + 0.3j  # s at first, and its steps
+S, STEPS = 1.0, (400.0 + 300.0j, 12.0 + 9.0j, 0.4 + 0.3j)
+"""s at first, and its steps, the longest first: points next to infinity move in long ones only."""
+
 BENT = 1e-6
 """Share of their bends, added without signs, that the sum over all points may bend."""
 
@@ -164,19 +166,22 @@ def _traced(
 def straight(slices: Slices, here: Place, points: np.ndarray) -> bool | None:
     """Whether the sums of z and of y over points go straight as the slice moves.
 
-    None where they do not, and not all points could be followed. Those next to infinity hardly
-    move: taken where their paths stopped, they do not bend a sum that is straight.
+    Where not all points can be followed a long step, a shorter one decides. None where they cannot
+    be followed at all, and the sums are bent: those next to infinity hardly move, and taken where
+    their paths stopped, they do not bend a sum that is straight.
     """
-    found, all_good = [], True
-    place, q = here, points
-    for k in range(3):
-        if k:
-            there = slices.at(place, S + k * NEXT)
+    for step in STEPS:
+        found, all_good = [np.stack([points[:, -1], slices.y(here, points)])], True
+        place, q = here, points
+        for k in (1, 2):
+            there = slices.at(place, S + k * step)
             end = slices.paths.track(place, there, q)
             all_good = all_good and bool(end.good.all())
             place, q = there, end.q
-        found.append(np.stack([q[:, -1], slices.y(place, q)]))
-    bends = found[0] - 2.0 * found[1] + found[2]
-    size = np.abs(bends).sum(axis=1)
-    goes = bool((np.abs(bends.sum(axis=1)) <= BENT * size + 1e-9).all())
-    return goes if goes or all_good else None
+            found.append(np.stack([q[:, -1], slices.y(place, q)]))
+        bends = found[0] - 2.0 * found[1] + found[2]
+        size = np.abs(bends).sum(axis=1)
+        goes = bool((np.abs(bends.sum(axis=1)) <= BENT * size + 1e-9).all())
+        if goes or all_good:
+            return goes
+    return None

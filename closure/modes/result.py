@@ -10,8 +10,9 @@ import numpy as np
 
 from closedchain.closure.mechanism import Mechanism
 from closedchain.closure.modes.connections.connected import Connections
-from closedchain.closure.modes.connections.connecting import Modes, Progress, connections_of
+from closedchain.closure.modes.connections.connecting import Modes, connections_of
 from closedchain.closure.modes.connections.window import Over
+from closedchain.closure.progress import Progress
 from closedchain.closure.solution import Solution
 
 

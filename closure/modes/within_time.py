@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from closedchain.closure.modes.counting import Counted, counted
 from closedchain.closure.modes.question import Question
 from closedchain.closure.modes.seeking import LEAST, Sought, Starts, sought
 from closedchain.closure.modes.shapes import Shapes, shapes_of
+from closedchain.closure.progress import Progress
 from closedchain.closure.turns import tied, turning, without_turns
-
-Progress = Callable[[str, int, int], None]
-"""Gets (what, done, total); the total is 0 where it is not known."""
 
 
 class OutOfTime(Exception):

@@ -7,7 +7,6 @@ axis, down before up), so that what is found depends on the grid and its seeds a
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -15,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from closedchain.closure.nearest import LIMIT_TOLERANCE
+from closedchain.closure.progress import Reached
 from closedchain.closure.solve.alone import healthy
 from closedchain.closure.solve.hops import Hops
 from closedchain.closure.solve.outcome import Ending
@@ -35,9 +35,6 @@ MIRRORED, REVERSED = Ending.MIRRORED.code, Ending.REVERSED.code
 EXPLAINS = np.zeros(len(Ending), dtype=int)
 """By code: of several ways into a cell that was not reached, the one that explains most is kept."""
 EXPLAINS[[STUCK, MIRRORED, REVERSED, FOLD]] = 1, 2, 3, 4
-
-Progress = Callable[[int], None]
-"""Called with how many cells were reached since the last call; may raise to end the work."""
 
 
 def beside(shape: tuple[int, ...]) -> np.ndarray:
@@ -108,7 +105,7 @@ class Flooded:
 def flood(
     block: Block,
     seeds: ArrayLike,
-    progress: Progress | None = None,
+    progress: Reached | None = None,
     *,
     through: bool = False,
 ) -> Flooded:

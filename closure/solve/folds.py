@@ -79,9 +79,8 @@ class _Code:
     def _rows(self) -> Compiled:
         problem, nq = self.problem, self.problem.mechanism.model.nq
         g = Graph()
-        q, target = list(g.inputs(0, nq)), g.inputs(nq, problem.prescribed)
-        for index, value in zip(problem.pinned_q, target, strict=False):
-            q[int(index)] = value
+        target = g.inputs(nq, problem.prescribed)
+        q = problem.pinned_at(g.inputs(0, nq), target)
         # K is then the derivative of open rows, too
         k = Kinematics(problem.mechanism, g, q, upright=False)
         rows, zero = problem.rows(k, target), g.constant(0.0)

@@ -86,6 +86,13 @@ class Problem:
 
     # -- on a graph --------------------------------------------------------------------------------
 
+    def pinned_at(self, q: Sequence[Expr], target: Sequence[Expr]) -> list[Expr]:
+        """Numbers of q with the pinned joints at the values of a target (prescribed,)."""
+        found = list(q)
+        for index, value in zip(self.pinned_q, target, strict=False):
+            found[int(index)] = value
+        return found
+
     def rows(self, k: Kinematics, target: Sequence[Expr]) -> Rows:
         """All rows with targets given as expressions (prescribed,), origins in m."""
         rows, length = k.closures, self.mechanism.length

@@ -59,9 +59,7 @@ class Descent:
         names = dict(zip(STATE, g.inputs(2 * nq, len(STATE)), strict=True))
         first = 2 * nq + len(STATE)
         target = g.inputs(first, problem.prescribed)
-        q = list(trial)
-        for index, value in zip(problem.pinned_q, target, strict=False):
-            q[int(index)] = value
+        q = problem.pinned_at(trial, target)
         k = Kinematics(problem.mechanism, g, q)
         rows = problem.rows(k, target)
         cost = g.constant(0.0)
@@ -75,7 +73,7 @@ class Descent:
         damping = mu * cost.min(1.0)
         for column in matrix:
             matrix[column][column] = matrix[column][column] + damping
-        step = positive_solve(g, matrix, {c: -s for c, s in slope.items()})
+        step = positive_solve(matrix, {c: -s for c, s in slope.items()})
         size, along = g.constant(0.0), g.constant(0.0)
         for column, value in step.items():
             size, along = size + value * value, along - slope[column] * value

@@ -113,9 +113,7 @@ class StepTapes:
         """
         problem, lane = self.problem, Lane.of(self)
         target, longest = self._target(lane, share(lane.state))
-        q = list(lane.trial)
-        for index, value in zip(problem.pinned_q, target, strict=False):
-            q[int(index)] = value
+        q = problem.pinned_at(lane.trial, target)
         g = lane.graph
         k = problem.kinematics(g, q)
         rows = problem.rows(k, target)

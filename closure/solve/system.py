@@ -7,7 +7,7 @@ coordinates of Pinocchio's v. Rows are divided and columns multiplied by the mec
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from weakref import WeakKeyDictionary
 
@@ -18,23 +18,15 @@ from closedchain.closure.mechanism import Mechanism
 from closedchain.closure.solve.problem import POSE, pose_of
 from closedchain.closure.tape.machine import Compiled, compiled
 from closedchain.closure.tape.rows import kinematics
-from closedchain.closure.task import Goal
+from closedchain.closure.unknowns import Unknowns
 from closedchain.urdf.description import OUTPUTS
 
 Components = tuple[tuple[str, tuple[str, ...]], ...]
 
 
 @dataclass(frozen=True, eq=False)
-class System:
-    """Closures and goals of a mechanism in the unknowns ``free`` (indices in v).
-
-    ``within`` are limits (lower, upper) of q that steps are clipped to, if any.
-    """
-
-    mechanism: Mechanism
-    free: np.ndarray
-    goals: tuple[Goal, ...] = ()
-    within: tuple[np.ndarray, np.ndarray] | None = field(default=None, repr=False)
+class System(Unknowns):
+    """Closures and goals of a mechanism in some of its coordinates."""
 
     @cached_property
     def row_scale(self) -> np.ndarray:
@@ -72,13 +64,6 @@ class System:
     def residual(self, q: np.ndarray) -> np.ndarray:
         """Residual (rows,) [m, rad] alone at ``q``."""
         return self._code.run(q, self._targets)[: self._code.units.size]
-
-    def move(self, q: np.ndarray, step: np.ndarray) -> np.ndarray:
-        """Posture after a dimensionless step (free,) of the unknowns."""
-        v = np.zeros(self.mechanism.model.nv)
-        v[self.free] = step * self.mechanism.column_scale[self.free]
-        q = pin.integrate(self.mechanism.model, q, v)
-        return q if self.within is None else np.clip(q, *self.within)
 
 
 @dataclass(frozen=True, eq=False)

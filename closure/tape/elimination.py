@@ -119,8 +119,11 @@ class Elimination:
             return start
         directions = self.kernel()
         k = len(directions)
-        gram = {a: {b: _inner(directions[a], directions[b]) for b in range(k)} for a in range(k)}
-        slope = [_inner(directions[a], start) for a in range(k)]
+        gram = {
+            a: {b: self.graph.lift(along(directions[a], directions[b])) for b in range(k)}
+            for a in range(k)
+        }
+        slope = [self.graph.lift(along(directions[a], start)) for a in range(k)]
         shares = positive_solve(self.graph, gram, [-s for s in slope])
         found = {}
         columns = [c for _, c, _ in self.pivots] + list(self.free)
@@ -323,11 +326,3 @@ def _pivot(
     if worst[0] <= 1e-9:
         raise ArithmeticError(f"rows {sorted(live)} depend on the others: no pivot is left")
     return worst[1], worst[2]
-
-
-def _inner(a: Sparse, b: Sparse) -> Expr:
-    terms = [a[c] * b[c] for c in a if c in b]
-    found = next(iter(a.values())).graph.constant(0.0)
-    for term in terms:
-        found = found + term
-    return found

@@ -12,8 +12,6 @@ from dataclasses import dataclass, field
 from closedchain.closure.tape.expression import BOOLEAN, Node, Tape, arguments
 
 ARITHMETIC = frozenset({"add", "sub", "mul", "neg", "recip", "sin", "cos", "sqrt", "abs"})
-FUSED = frozenset({"fma", "fms", "fnma"})
-"""Made here: a b + c, a b - c and c - a b, of the nodes a, b, c."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +40,7 @@ class Program:
     Attributes
     ----------
     nodes : tuple of (operation, arguments)
-        As in a tape, with the operations of ``FUSED`` besides.
+        As in a tape; besides fma, fms and fnma: a b + c, a b - c and c - a b of nodes a, b, c.
     truths : tuple of bool
         Which nodes are truth values.
     outputs : tuple of int

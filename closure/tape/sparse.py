@@ -28,7 +28,7 @@ def normal_equations(
     return matrix, slope
 
 
-def positive_solve(graph: Graph, matrix: Symmetric, right: Sparse) -> Sparse:
+def positive_solve(matrix: Symmetric, right: Sparse) -> Sparse:
     """x with A x = right for a positive definite matrix, by rows, in order of least degree."""
     a = {r: dict(row) for r, row in matrix.items()}
     b = dict(right)

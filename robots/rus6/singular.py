@@ -125,11 +125,14 @@ def roots(function: Callable[[FloatArray], FloatArray], samples: ArrayLike) -> F
 
     The function maps (n,) to (n,), for instance a factor along a path of the platform.
     """
+
+    def one(x: float) -> float:
+        return float(function(np.array([x]))[0])
+
     t = np.asarray(samples, dtype=np.float64)
     sign = np.sign(function(t))
     found = list(t[sign == 0.0])
     for i in np.flatnonzero(sign[:-1] * sign[1:] < 0.0):
-        one = lambda x: float(function(np.array([x]))[0])  # noqa: E731
         found.append(brentq(one, t[i], t[i + 1], xtol=1e-15, rtol=8.9e-16))
     return np.sort(np.array(found, dtype=np.float64))
 

@@ -255,6 +255,23 @@ def parallelogram() -> cc.Mechanism:
     )
 
 
+def flat_parallelogram(angle: float = 0.0) -> cc.Mechanism:
+    """Parallelogram whose cranks stand at an angle; at 0 all joints are in line."""
+    return load(
+        "parallelogram",
+        [
+            J("A", "base", "crank"),
+            J("B", "crank", "coupler", "0.2 0 0"),
+            J("D", "base", "rocker", "0.5 0 0"),
+        ],
+        [Cut("C", "coupler", "rocker", "0.5 0 0", "0.2 0 0")],
+        inputs={"q1": "A"},
+        home={"A": angle, "B": -angle, "D": angle},
+        tip="coupler",
+        outputs="x y",
+    )
+
+
 def wedges() -> cc.Mechanism:
     """Three prismatic joints in a plane."""
     return load(

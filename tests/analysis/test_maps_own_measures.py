@@ -46,6 +46,14 @@ def test_stopped_runs_go_on_with_measures_of_the_user(tmp_path: Path) -> None:
     xr.testing.assert_identical(resumed.load(), expected)
 
 
+def test_a_measure_with_other_numbers_is_another_one(tmp_path: Path) -> None:
+    soft, stiff = ({"k": cc.least_stiffness(drives)} for drives in (1e5, 2e5))
+    found = ask(measures=soft, save=tmp_path / "map.zarr").load()
+    xr.testing.assert_identical(ask(measures=soft, save=tmp_path / "map.zarr").load(), found)
+    with pytest.raises(cc.ClosureError, match="another map: functions differs"):
+        ask(measures=stiff, save=tmp_path / "map.zarr")
+
+
 @pytest.mark.slow
 def test_measures_of_the_user_on_dask() -> None:
     distributed = pytest.importorskip("distributed")

@@ -111,9 +111,13 @@ def test_the_command(tmp_path: object) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [4, 10])
+@pytest.mark.parametrize("seed", [4, 10, 57])
 def test_platforms_of_random_sizes_have_forty(seed: int) -> None:
-    """Of these loops that are small beside the platform reach 36 to 39."""
+    """Of the first two, loops that are small beside the platform reach 36 and 39.
+
+    The third has a solution that is a thousand times as large as the others; without it, sums over
+    119 points of a slice are straight to seven digits, unless the slice moves far.
+    """
     rng = np.random.default_rng(seed)
     feet, tops = (" ".join(map(str, 0.5 * rng.standard_normal(18))) for _ in range(2))
     home = "0.03 -0.02 0.5 0.0572 -0.0956 0.0793 0.9896"

@@ -10,8 +10,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from conftest import assert_close
-from linkages import Cut, J, four_bar
-from linkages import load as load_linkage
+from linkages import flat_parallelogram, four_bar
 
 import closedchain as cc
 from closedchain.closure.task import task_jacobian
@@ -210,20 +209,7 @@ def test_stop_at_an_inverse_singularity() -> None:
 
 def test_stop_where_a_linkage_branches() -> None:
     """A parallelogram laid flat can go on as an anti-parallelogram."""
-    m = load_linkage(
-        "parallelogram",
-        [
-            J("A", "base", "crank"),
-            J("B", "crank", "coupler", "0.2 0 0"),
-            J("D", "base", "rocker", "0.5 0 0"),
-        ],
-        [Cut("C", "coupler", "rocker", "0.5 0 0", "0.2 0 0")],
-        inputs={"q1": "A"},
-        home={"A": 1.0, "B": -1.0, "D": 1.0},
-        tip="coupler",
-        outputs="x y",
-    )
-    found = cc.track(m, np.array([1.0, 0.5, -0.5])[:, None])
+    found = cc.track(flat_parallelogram(1.0), np.array([1.0, 0.5, -0.5])[:, None])
     assert found.reached == 2
     assert found.stop is not None
     assert {"direct", "constraint"} <= found.stop.kinds

@@ -9,34 +9,14 @@ import subprocess
 import sys
 import urllib.request
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner, Result
+from commands import data, good, run
 
 import closedchain as cc
-from closedchain.cli import app
 
 COMMAND = [sys.executable, "-m", "closedchain.cli"]
-
-
-def run(*words: str) -> Result:
-    return CliRunner().invoke(app, list(words), catch_exceptions=False)
-
-
-def good(*words: str) -> str:
-    done = run(*words)
-    assert done.exit_code == 0, done.stderr
-    assert done.stderr == ""
-    return done.stdout
-
-
-def data(*words: str) -> Any:
-    def refuse(text: str) -> None:
-        raise AssertionError(f"{text} is no JSON")
-
-    return json.loads(good(*words, "--json"), parse_constant=refuse)
 
 
 @pytest.fixture

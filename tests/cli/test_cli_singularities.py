@@ -7,33 +7,16 @@ import json
 import re
 import sys
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 import xarray as xr
-from typer.testing import CliRunner, Result
+from commands import data, good, run
 
 import closedchain as cc
-from closedchain.cli import app
 
 SMALL = ["--resolution", "3", "--span", "0.02"]
 LINE = ["singularities", "linear_delta", "--over", "q1=-0.2:-0.1", "--resolution", "3"]
-
-
-def run(*words: str) -> Result:
-    return CliRunner().invoke(app, list(words), catch_exceptions=False)
-
-
-def good(*words: str) -> str:
-    done = run(*words)
-    assert done.exit_code == 0, done.stderr
-    assert done.stderr == ""
-    return done.stdout
-
-
-def data(*words: str) -> Any:
-    return json.loads(good(*words, "--json"))
 
 
 @pytest.fixture(scope="module")

@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import json
+from functools import partial
 
+import commands
 import pytest
-from typer.testing import CliRunner, Result
 
-from closedchain.cli import app
-
-
-def run(*words: str) -> Result:
-    return CliRunner().invoke(app, ["closed-forms", *words], catch_exceptions=False)
+run = partial(commands.run, "closed-forms")
 
 
 @pytest.mark.slow

@@ -5,9 +5,11 @@ from __future__ import annotations
 import csv
 import json
 import re
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+import commands
 import numpy as np
 import pytest
 import xarray as xr
@@ -18,27 +20,16 @@ import closedchain as cc
 from closedchain.cli import app
 from closedchain.robots.named_tasks import named_tasks
 
+run = partial(commands.run, "follow")
+good = partial(commands.good, "follow")
+
 HEADER = "t,x,y,z"
 DOWN = [(0.0, -1.0), (0.5, -1.01), (1.0, -1.02)]  # time, height of D1's tip
 FILES = ("path.csv", "path.nc", "path.png", "inputs.png")
 
 
-def run(*words: str) -> Result:
-    return CliRunner().invoke(app, ["follow", *words], catch_exceptions=False)
-
-
-def good(*words: str) -> str:
-    done = run(*words)
-    assert done.exit_code == 0, done.stderr
-    assert done.stderr == ""
-    return done.stdout
-
-
 def data(done: str | Result) -> Any:
-    def refuse(text: str) -> None:
-        raise AssertionError(f"{text} is no JSON")
-
-    return json.loads(done if isinstance(done, str) else done.stdout, parse_constant=refuse)
+    return commands.strict(done if isinstance(done, str) else done.stdout)
 
 
 def rows(folder: Path) -> tuple[list[str], np.ndarray]:

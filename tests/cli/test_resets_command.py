@@ -1,20 +1,18 @@
 """``closedchain resets``: files that hold closed states, and words that are refused."""
 
 import json
+from functools import partial
 from pathlib import Path
 
+import commands
 import numpy as np
 import pytest
 import xarray as xr
 from conftest import assert_close
-from typer.testing import CliRunner, Result
 
 import closedchain as cc
-from closedchain.cli import app
 
-
-def run(*words: str) -> Result:
-    return CliRunner().invoke(app, ["resets", "linear_delta", *words], catch_exceptions=False)
+run = partial(commands.run, "resets", "linear_delta")
 
 
 @pytest.mark.parametrize("ending", ["npz", "zarr", "nc"])

@@ -1,18 +1,16 @@
 """``closedchain simulate``: states, a page, and words that are refused."""
 
 import json
+from functools import partial
 from pathlib import Path
 
+import commands
 import xarray as xr
 from conftest import assert_close
-from typer.testing import CliRunner, Result
 
 import closedchain as cc
-from closedchain.cli import app
 
-
-def run(*words: str) -> Result:
-    return CliRunner().invoke(app, ["simulate", *words], catch_exceptions=False)
+run = partial(commands.run, "simulate")
 
 
 def test_a_delta_falls(tmp_path: Path) -> None:

@@ -1,17 +1,15 @@
 """``closedchain statics``: tables, JSON, and loads that are refused or not carried."""
 
 import json
+from functools import partial
 
+import commands
 import numpy as np
 from conftest import assert_close
-from typer.testing import CliRunner, Result
 
 import closedchain as cc
-from closedchain.cli import app
 
-
-def run(*words: str) -> Result:
-    return CliRunner().invoke(app, ["statics", *words], catch_exceptions=False)
+run = partial(commands.run, "statics")
 
 
 def test_numbers_are_those_of_python() -> None:

@@ -2,16 +2,18 @@
 
 import csv
 import json
+from functools import partial
 from pathlib import Path
 
+import commands
 import numpy as np
 import pytest
 import xarray as xr
 from conftest import assert_close
-from typer.testing import CliRunner, Result
 
 import closedchain as cc
-from closedchain.cli import app
+
+run = partial(commands.run, "transmission")
 
 KNEE = """<robot name="knee"><link name="base"/><link name="crank"/><link name="shin"/>
   <joint name="motor" type="continuous"><parent link="base"/><child link="crank"/>
@@ -31,10 +33,6 @@ def knee(tmp_path: Path) -> Path:
     path = tmp_path / "knee.urdf"
     path.write_text(KNEE)
     return path
-
-
-def run(*words: str) -> Result:
-    return CliRunner().invoke(app, ["transmission", *words], catch_exceptions=False)
 
 
 def test_files(knee: Path, tmp_path: Path) -> None:

@@ -7,14 +7,9 @@ import math
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner, Result
+from commands import run
 
 from closedchain import _arguments as arguments
-from closedchain.cli import app
-
-
-def run(*words: str) -> Result:
-    return CliRunner().invoke(app, list(words), catch_exceptions=False)
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -14,7 +13,6 @@ import closedchain as cc
 from closedchain.closure.equations import Equations
 from closedchain.urdf.errors import ClosureError
 
-Reference = Callable[[str], dict[str, Any]]
 FOLD = np.array([0.02858, -0.06320, 0.02858, 0.0, 0.0, 0.0])
 """Step of the inputs from home to the nearest known direct singularity of stage 1 [m]."""
 
@@ -30,11 +28,16 @@ def tool(entry: dict[str, Any]) -> pin.SE3:
     return se3(entry["quatC"], entry["tip"])
 
 
+def placed(entry: dict[str, Any]) -> dict[str, pin.SE3]:
+    """Poses of both bodies in a reference entry."""
+    letters = {"coupler": "B", "platform": "C"}
+    return {body: se3(entry[f"quat{x}"], entry[f"p{x}"]) for body, x in letters.items()}
+
+
 def check_entry(m: cc.Mechanism, q: np.ndarray, entry: dict[str, Any], atol: float) -> None:
     assert_close(m.input_values(q), entry["q"], atol, "inputs")
-    for body, letter in (("coupler", "B"), ("platform", "C")):
-        expected = se3(entry[f"quat{letter}"], entry[f"p{letter}"]).homogeneous
-        assert_close(m.pose(q, body).homogeneous, expected, atol, body)
+    for body, expected in placed(entry).items():
+        assert_close(m.pose(q, body).homogeneous, expected.homogeneous, atol, body)
     for i, point in enumerate(entry["S"]):
         assert_close(m.point(q, f"S{i + 1}"), point, atol, f"S{i + 1}")
     for i, point in enumerate(entry["R4_6"]):

@@ -56,6 +56,20 @@ def build(
     return cc.load_urdf(text, xacro=False)
 
 
+def wedge_and_plunger() -> cc.Mechanism:
+    """A wedge "a" that lifts a plunger by 4/3 of its way; the plunger stops at 0.5 both ways."""
+    text = '<limit lower="-0.5" upper="0.5" effort="1" velocity="1"/>'
+    parts = [
+        joint("a", "base", "wedge", axis="1 0 0", kind="prismatic"),
+        joint("b", "base", "plunger", axis="0 1 0", kind="prismatic").replace(
+            '<limit lower="-30" upper="30" effort="1" velocity="1"/>', text
+        ),
+        loop("prismatic", "wedge", "0 0 0", "plunger", "0 0 0", "0.6 0.8 0", "0.6 0.8 0"),
+    ]
+    task = '<task base="base" tip="plunger" outputs="y"/>'
+    return build("base wedge plunger", parts, {}, "a", task)
+
+
 def apex(a: np.ndarray, b: np.ndarray, from_a: float, from_b: float, side: int) -> np.ndarray:
     """Intersection of two circles about ``a`` and ``b``; ``side`` 1 is left of the way a to b."""
     way = b - a

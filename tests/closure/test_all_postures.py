@@ -241,7 +241,7 @@ def test_refusals() -> None:
         ({"inputs": [0, 0, 0], "fixed": {}}, "hold one of"),
         ({"inputs": [0, 0, 0], "starts": 0}, "starts must be a whole number from 1 on, got 0"),
         ({"inputs": [0, 0, 0], "seed": -1}, "seed must be a whole number from 0 on, got -1"),
-        ({"inputs": [0, 0, 0], "seconds": math.nan}, "seconds must be above zero, got nan"),
+        ({"inputs": [0, 0, 0], "seconds": math.nan}, "seconds must be 0 or above, got nan"),
     ):
         with pytest.raises(ClosureError, match=why):
             cc.postures(m, **asked)  # type: ignore[arg-type]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from small_linkages import GRASHOF, build, four_bar, joint, loop
+from small_linkages import GRASHOF, build, four_bar, joint, loop, wedge_and_plunger
 
 import closedchain as cc
 from closedchain.analysis.singularity.maps.grid import BEHIND_LIMIT, JOINT_LIMIT, OK
@@ -50,16 +50,7 @@ def test_what_lies_behind_a_limit_is_told_though_within_limits() -> None:
 
 
 def test_limits_are_walls_and_what_lies_behind_is_told() -> None:
-    text = '<limit lower="-0.5" upper="0.5" effort="1" velocity="1"/>'
-    parts = [
-        joint("a", "base", "wedge", axis="1 0 0", kind="prismatic"),
-        joint("b", "base", "plunger", axis="0 1 0", kind="prismatic").replace(
-            '<limit lower="-30" upper="30" effort="1" velocity="1"/>', text
-        ),
-        loop("prismatic", "wedge", "0 0 0", "plunger", "0 0 0", "0.6 0.8 0", "0.6 0.8 0"),
-    ]
-    task = '<task base="base" tip="plunger" outputs="y"/>'
-    m = build("base wedge plunger", parts, {}, "a", task)
+    m = wedge_and_plunger()
     values = np.linspace(-0.9, 0.9, 19)
     for chunk in (None, 4):
         found = cc.singularity_map(m, {"a": values}, chunk=chunk, progress=False)

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 import pytest
-from conftest import Tolerances, assert_close
-from d1_solutions import Reference, check_entry, check_failure, check_solution, near_postures, se3
+from conftest import Reference, Tolerances, assert_close
+from d1_solutions import check_entry, check_failure, check_solution, near_postures, placed
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -73,11 +73,7 @@ def test_placed_bodies_give_the_inputs(
 ) -> None:
     """Both bodies placed leave only the legs: singular examples are no harder than others."""
     entry = reference("d1")["singular"][name]
-    place = {
-        "coupler": se3(entry["quatB"], entry["pB"]),
-        "platform": se3(entry["quatC"], entry["pC"]),
-    }
-    s = cc.close(d1, place=place)
+    s = cc.close(d1, place=placed(entry))
     check_solution(d1, s, tol)
     check_entry(d1, s.q, entry, tol.reference)
 

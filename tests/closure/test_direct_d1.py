@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 import pytest
-from conftest import Tolerances, assert_close
-from d1_solutions import FOLD, Reference, branch_of, check_entry, check_failure, check_solution, se3
+from conftest import Reference, Tolerances, assert_close
+from d1_solutions import FOLD, branch_of, check_entry, check_failure, check_solution, placed, se3
 
 import closedchain as cc
 from closedchain.closure.equations import Equations
@@ -192,11 +192,7 @@ def test_rank_drops_at_direct_singularities(
     name: str, rank: int, d1: cc.Mechanism, reference: Reference, tol: Tolerances
 ) -> None:
     entry = reference("d1")["singular"][name]
-    place = {
-        "coupler": se3(entry["quatB"], entry["pB"]),
-        "platform": se3(entry["quatC"], entry["pC"]),
-    }
-    s = cc.close(d1, place=place)
+    s = cc.close(d1, place=placed(entry))
     check_solution(d1, s, tol)
     check_entry(d1, s.q, entry, tol.reference)
     decision = numerical_rank(Equations(d1, d1.passive_v).evaluate(s.q)[1])

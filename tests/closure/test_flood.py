@@ -9,7 +9,7 @@ import pinocchio as pin
 import pytest
 from conftest import Tolerances, assert_close
 from oracle.walks import JOINT_LIMIT, OK, cells, closed, walk
-from small_linkages import ROCKING, build, four_bar, joint, loop, toggle
+from small_linkages import ROCKING, four_bar, toggle, wedge_and_plunger
 
 import closedchain as cc
 from closedchain.closure.chart import Chart
@@ -147,17 +147,7 @@ def test_seeds_from_outside_lead_on_and_other_cells_stay() -> None:
 
 
 def test_limits_are_walls() -> None:
-    text = '<limit lower="-0.5" upper="0.5" effort="1" velocity="1"/>'
-    parts = [
-        joint("a", "base", "wedge", axis="1 0 0", kind="prismatic"),
-        joint("b", "base", "plunger", axis="0 1 0", kind="prismatic").replace(
-            '<limit lower="-30" upper="30" effort="1" velocity="1"/>', text
-        ),
-        loop("prismatic", "wedge", "0 0 0", "plunger", "0 0 0", "0.6 0.8 0", "0.6 0.8 0"),
-    ]
-    task = '<task base="base" tip="plunger" outputs="y"/>'
-    m = build("base wedge plunger", parts, {}, "a", task)
-    chart = chart_of(m, ["a"])
+    chart = chart_of(wedge_and_plunger(), ["a"])
     values = np.linspace(-0.9, 0.9, 19)[:, None]
     codes = flood(block(chart, values), [9]).codes
     # the plunger moves 4/3 of the wedge: 0.375 is its last place

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 import pytest
-from conftest import Tolerances, assert_close
-from d1_solutions import Reference, check_failure, check_solution, near_postures, se3
+from conftest import Reference, Tolerances, assert_close
+from d1_solutions import check_failure, check_solution, near_postures, se3
 
 import closedchain as cc
 from closedchain.closure.task import goal, goal_rows

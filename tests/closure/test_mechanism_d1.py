@@ -15,12 +15,11 @@ import numpy as np
 import pinocchio as pin
 import pytest
 import yourdfpy
-from conftest import Tolerances, assert_close
+from conftest import Reference, Tolerances, assert_close
 
 import closedchain as cc
 from closedchain.urdf.errors import ClosureError
 
-Reference = Callable[[str], dict[str, Any]]
 VARIANTS = ("corrected", "printed_u", "circle_u")
 
 

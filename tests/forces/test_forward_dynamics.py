@@ -15,7 +15,7 @@ from closedchain.closure.solve.outcome import Ending
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "analysis"))
 
-from linkages import Cut, J, four_bar, load
+from linkages import J, flat_parallelogram, four_bar, load
 
 PUSH = np.array([3.0, -2.0, 5.0, 0.4, -0.3, 0.2])
 DOWN = [0.0, -9.81, 0.0]
@@ -194,19 +194,7 @@ def test_a_direct_singularity_is_passed_and_told() -> None:
 
 def test_a_flat_parallelogram_is_a_constraint_singularity() -> None:
     """At the flat posture it could go on as parallelogram or as antiparallelogram."""
-    m = load(
-        "parallelogram",
-        [
-            J("A", "base", "crank"),
-            J("B", "crank", "coupler", "0.2 0 0"),
-            J("D", "base", "rocker", "0.5 0 0"),
-        ],
-        [Cut("C", "coupler", "rocker", "0.5 0 0", "0.2 0 0")],
-        inputs={"q": "A"},
-        home={"A": 0.5, "B": -0.5, "D": 0.5},
-        tip="coupler",
-    )
-    m = weighed(m, seed=6)
+    m = weighed(flat_parallelogram(0.5), seed=6)
     for speed in (5.0, 5.1):
         v = [-speed, speed, -speed]
         r = cc.simulate(m, m.home, v, None, 0.2, gravity=False, limits=False)

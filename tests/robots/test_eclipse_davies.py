@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
+from conftest import Reference
 from numpy.testing import assert_allclose
 
 from closedchain.robots.eclipse import ECLIPSE, ECLIPSE2, Geometry
 from closedchain.robots.eclipse.davies import Run, exact_joints, integrate
 
-Reference = Callable[[str], dict[str, Any]]
 APART = np.radians(60)  # start of the three hinges that keeps them off gimbal lock
 
 

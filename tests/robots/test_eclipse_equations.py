@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
-
 import numpy as np
 import pytest
+from conftest import Reference
 from eclipse_cases import CASES, load, of_mode, posture, random_poses
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
@@ -30,8 +28,6 @@ from closedchain.robots.eclipse import (
     wrist_angles,
 )
 from closedchain.robots.eclipse.davies import exact_joints
-
-Reference = Callable[[str], dict[str, Any]]
 
 
 def random_legs(n: int, seed: int) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:

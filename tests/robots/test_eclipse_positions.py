@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 import pytest
+from conftest import Reference
 from eclipse_cases import LOWERED, load, of_mode, posture, random_poses
 from numpy.testing import assert_allclose
 
@@ -30,7 +30,6 @@ from closedchain.robots.eclipse import (
 )
 from closedchain.robots.eclipse.davies import exact_joints
 
-Reference = Callable[[str], dict[str, Any]]
 ROBOTS = pytest.mark.parametrize(("name", "g"), [("eclipse", ECLIPSE), ("eclipse2", ECLIPSE2)])
 UP = Mode((-1, -1, -1), (1, 1, 1))
 CM = np.array([1, 1, 1, 0.01, 0.01, 0.01])  # of the reference's inputs

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
+from conftest import Reference
 from eclipse_cases import CASES, Case, load, of_mode, posture, random_poses
 from numpy.testing import assert_allclose
 from scipy.optimize import brentq
@@ -28,7 +28,6 @@ from closedchain.robots.eclipse import (
     tilted,
 )
 
-Reference = Callable[[str], dict[str, Any]]
 ROBOTS = pytest.mark.parametrize(("name", "g"), [("eclipse", ECLIPSE), ("eclipse2", ECLIPSE2)])
 BLOCKS = np.r_[3:6, 0:3]  # (linear, angular) <-> (angular, linear)
 

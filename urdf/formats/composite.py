@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from closedchain.urdf.description import (
     Origin,
     Vector3,
 )
+from closedchain.urdf.formats.in_series import in_series
 from closedchain.urdf.poses import vector
 
 KINDS = ("ball", "spherical", "universal", "revolute2", "cylindrical", "planar", "screw")
@@ -98,17 +99,11 @@ def taken_apart(joint: Composite) -> Parts:
         steps = [("_slide", "prismatic", first), ("_turn", "revolute", first)]
     links = tuple(Link(f"{name}{ending}") for ending, _, _ in steps[:-1])
     ends = [joint.parent, *(link.name for link in links), joint.child]
+    named = [(f"{name}{ending}", step, axis) for ending, step, axis in steps]
+    lower, upper = joint.limits
     joints = tuple(
-        Joint(
-            f"{name}{ending}",
-            kind_of_step,
-            ends[i],
-            ends[i + 1],
-            joint.origin if i == 0 else Origin(),
-            axis,
-            *(joint.limits if ending == "_turn" else (-math.inf, math.inf)),
-        )
-        for i, (ending, kind_of_step, axis) in enumerate(steps)
+        replace(one, lower=lower, upper=upper) if one.name == f"{name}_turn" else one
+        for one in in_series(ends, joint.origin, named)
     )
     relations: tuple[JointRelation, ...] = ()
     if kind == "screw":

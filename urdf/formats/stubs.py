@@ -22,6 +22,7 @@ from closedchain.urdf.description import (
     Vector3,
 )
 from closedchain.urdf.errors import DescriptionError
+from closedchain.urdf.formats.in_series import in_series
 from closedchain.urdf.formats.written import listed
 from closedchain.urdf.link_poses import link_poses
 from closedchain.urdf.poses import direction, inverse, origin_of, pose, pose_of, vector, z_along
@@ -185,15 +186,5 @@ def stub_parts(stubs: Stubs, parent: str) -> tuple[tuple[Link, ...], tuple[Joint
     name = stubs.closure.name
     links = tuple(Link(stub_name(name, step)) for step in stubs.steps)
     ends = (parent, *(link.name for link in links))
-    joints = tuple(
-        Joint(
-            f"{name}_{ending}",
-            kind,
-            ends[k],
-            ends[k + 1],
-            stubs.origin if k == 0 else Origin(),
-            axis,
-        )
-        for k, (ending, kind, axis) in enumerate(stubs.steps)
-    )
-    return links, joints
+    steps = [(f"{name}_{ending}", kind, axis) for ending, kind, axis in stubs.steps]
+    return links, in_series(ends, stubs.origin, steps)

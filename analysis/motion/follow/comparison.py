@@ -14,8 +14,9 @@ from closedchain.analysis.motion.follow.result import Follow
 from closedchain.analysis.motion.follow.task_path import Poses
 from closedchain.analysis.progress import reporting
 from closedchain.analysis.redundancy import redundancy
-from closedchain.analysis.singularity.maps.grid import Progress
+from closedchain.closure.given import real_array
 from closedchain.closure.mechanism import Mechanism
+from closedchain.closure.progress import Progress
 from closedchain.urdf.errors import ClosureError
 
 
@@ -175,7 +176,7 @@ def compare(
         f"{' '.join(choice)} locked": {"lock": choice} for choice in found.locks
     }
     for name, values in (lock_values or {}).items():
-        for value in np.atleast_1d(np.asarray(values, dtype=float)):
+        for value in np.atleast_1d(real_array(values, f"values of {name}")):
             ways[f"{name} = {value:.4g}"] = {"lock": {name: float(value)}}
     ways |= {method: {"method": method} for method in methods}
     common: dict[str, Any] = {"outputs": names, "start": start, **options}

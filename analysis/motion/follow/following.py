@@ -16,9 +16,9 @@ from closedchain.analysis.motion.follow.stepping import run
 from closedchain.analysis.motion.follow.task_path import Poses, as_route
 from closedchain.analysis.motion.follow.whole_path import optimise
 from closedchain.analysis.progress import reporting
-from closedchain.analysis.singularity.maps.grid import Progress
 from closedchain.closure.constraints import gaps
 from closedchain.closure.mechanism import Mechanism
+from closedchain.closure.progress import Progress
 from closedchain.closure.solve.newton import correct
 from closedchain.closure.solve.system import System
 from closedchain.urdf.errors import ClosureError, known_names

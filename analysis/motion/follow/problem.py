@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from closedchain.analysis.motion.track.routes import Route
 from closedchain.analysis.structure.mobility import generic_rank
+from closedchain.closure.given import real_array
 from closedchain.closure.mechanism import Mechanism
 from closedchain.closure.solve.system import System
 from closedchain.closure.task import goal
@@ -76,12 +77,6 @@ class Problem:
         m = self.mechanism
         fixed = [int(m.input_v[m.inputs.index(n)]) for n in self.locked]
         return np.setdiff1d(np.arange(m.model.nv), fixed)
-
-    @cached_property
-    def inputs_in_free(self) -> np.ndarray:
-        """Row of each input among the free columns; -1 where it is locked."""
-        place = {int(v): i for i, v in enumerate(self.free)}
-        return np.array([place.get(int(v), -1) for v in self.mechanism.input_v], dtype=int)
 
     @cached_property
     def rank(self) -> int:
@@ -175,7 +170,8 @@ def bounds_of(mechanism: Mechanism, limits: Limits | None, speeds: Speeds | None
     for name, pair in given.items():
         if name not in mechanism.inputs:
             raise ClosureError(known_names(str(name), "input", mechanism.inputs))
-        if np.shape(pair) != (2,) or not float(pair[0]) < float(pair[1]):
+        ends = real_array(pair, f"limits of {name}", "two rising numbers")
+        if ends.shape != (2,) or not ends[0] < ends[1]:
             raise ClosureError(f"limits of {name} must be two rising numbers, got {pair!r}")
     model = mechanism.model
     by_q = dict(zip(mechanism.input_q.tolist(), mechanism.inputs, strict=True))
@@ -208,15 +204,13 @@ def _speeds(mechanism: Mechanism, speeds: Speeds | None) -> np.ndarray | None:
         for name in speeds:
             if name not in mechanism.inputs:
                 raise ClosureError(known_names(str(name), "input", mechanism.inputs))
-        found = np.array([float(speeds.get(n, np.inf)) for n in mechanism.inputs])
+        found = real_array([speeds.get(n, np.inf) for n in mechanism.inputs], "speed_limits")
     else:
-        try:
-            values = np.asarray(speeds, dtype=float)
-            found = np.array(np.broadcast_to(values, (len(mechanism.inputs),)))
-        except (TypeError, ValueError):
-            raise ClosureError(
-                f"speed_limits must be one number, or one for each of {' '.join(mechanism.inputs)}"
-            ) from None
+        wanted = f"one number, or one for each of {' '.join(mechanism.inputs)}"
+        found = real_array(speeds, "speed_limits", wanted)
+        if found.shape not in ((), (1,), (len(mechanism.inputs),)):
+            raise ClosureError(f"speed_limits must be {wanted}")
+        found = np.array(np.broadcast_to(found, (len(mechanism.inputs),)))
     if not (found > 0.0).all():
         raise ClosureError(f"speed_limits must be positive, got {speeds!r}")
     return found

@@ -20,7 +20,7 @@ from closedchain.analysis.motion.follow.objectives import InputSpeed, Objective,
 from closedchain.analysis.motion.follow.postures import Posture, posture
 from closedchain.analysis.motion.follow.problem import Problem
 from closedchain.analysis.singularity.classify import SINGULAR
-from closedchain.analysis.singularity.maps.grid import Progress
+from closedchain.closure.progress import Progress
 from closedchain.closure.solve.continuation import follow as continued
 from closedchain.closure.solve.control import CLOSED
 from closedchain.closure.solve.newton import Corrected, correct

@@ -15,6 +15,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from closedchain.analysis.motion.track.routes import Route, route
+from closedchain.closure.given import real_array
 from closedchain.closure.mechanism import Mechanism
 from closedchain.urdf.description import OUTPUTS
 from closedchain.urdf.errors import ClosureError
@@ -102,7 +103,7 @@ def task_path(
     True
     """
     places = _numbers(positions, "positions", (3,))
-    instants = np.atleast_1d(np.asarray(times, dtype=float))
+    instants = np.atleast_1d(real_array(times, "times"))
     if axes is not None and rotations is not None:
         raise ClosureError("give axes or rotations of the tip, not both")
     home = mechanism.pose(mechanism.home).rotation
@@ -243,7 +244,7 @@ def _from_arrays(
     if len(arrays) == 2:
         return task_path(mechanism, *arrays)
     times, positions, turns = arrays
-    shape, n = np.shape(turns), len(np.atleast_1d(np.asarray(times, dtype=float)))
+    shape, n = np.shape(turns), np.size(times)
     if len(shape) == 3 or (shape == (3, 3) and n != 3):
         return task_path(mechanism, times, positions, rotations=turns)
     return task_path(mechanism, times, positions, axes=turns, outputs=outputs)
@@ -266,10 +267,7 @@ def _turned(home: np.ndarray, k: int, axis: np.ndarray) -> np.ndarray:
 
 def _numbers(values: ArrayLike, what: str, tail: tuple[int, ...], n: int | None = None) -> Any:
     """Check an (n, *tail) array of finite numbers; (tail) stands for all n rows."""
-    try:
-        table = np.array(values, dtype=float)
-    except (TypeError, ValueError):
-        raise ClosureError(f"{what} must be an array of numbers") from None
+    table = real_array(values, what, "an array of numbers")
     if n is not None and table.shape == tail:
         table = np.broadcast_to(table, (n, *tail))
     if (

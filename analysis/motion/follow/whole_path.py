@@ -20,7 +20,7 @@ from closedchain.analysis.motion.follow.postures import Posture
 from closedchain.analysis.motion.follow.problem import Problem
 from closedchain.analysis.motion.follow.programme import BEND, MEAN, PENALTY, programme
 from closedchain.analysis.motion.follow.stepping import Run, corrected, over_bound, run
-from closedchain.analysis.singularity.maps.grid import Progress
+from closedchain.closure.progress import Progress
 
 _RADIUS, _LARGEST_RADIUS, _SMALLEST_RADIUS = 0.1, 0.4, 1e-3
 _EXTENSIONS = 10

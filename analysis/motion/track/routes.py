@@ -15,7 +15,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from closedchain.closure.given import LARGEST_NUMBER, finite_vector
+from closedchain.closure.given import LARGEST_NUMBER, finite_vector, real_array
 from closedchain.closure.mechanism import Mechanism
 from closedchain.urdf.errors import ClosureError, known_names
 
@@ -233,13 +233,7 @@ def _rates(rates: Rates | None, times: np.ndarray, width: int, what: str) -> np.
 
 def _table(values: Any, width: int, what: str, unit: str) -> np.ndarray:
     """Check (n, width) finite numbers, n > 0."""
-    try:
-        raw = np.asarray(values)
-        if raw.dtype.kind not in "biufO":
-            raise TypeError
-        table = np.array(raw, dtype=float)
-    except (TypeError, ValueError):
-        raise ClosureError(f"{what} must be a table (n, {width}) of numbers ({unit})") from None
+    table = real_array(values, what, f"a table (n, {width}) of numbers ({unit})")
     if table.ndim != 2 or table.shape[1] != width or not table.shape[0]:
         raise ClosureError(f"{what} must have shape (n, {width}) ({unit}), got {table.shape}")
     bad = np.argwhere(~(np.abs(table) <= LARGEST_NUMBER))

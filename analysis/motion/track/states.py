@@ -67,7 +67,7 @@ def state(
     known, rhs = demand.second(q, p, qdot)
     x = -factors.step(rhs)
     if isinstance(factors, Range) and rank < linear.matrix.shape[1]:
-        x = x + _turn_of_shortest(demand, route, q, u, piece, p, qdot, factors)
+        x = x + _turn_of_shortest(demand, q, p, qdot, factors)
     qddot = demand.joints(known, x)
     units = demand.equations(p).row_scale
     residual = float(np.abs(linear.values * units).max(initial=0.0))
@@ -75,14 +75,7 @@ def state(
 
 
 def _turn_of_shortest(
-    demand: Demand,
-    route: Route,
-    q: np.ndarray,
-    u: float,
-    piece: int,
-    p: Prescribed,
-    qdot: np.ndarray,
-    factors: Range,
+    demand: Demand, q: np.ndarray, p: Prescribed, qdot: np.ndarray, factors: Range
 ) -> np.ndarray:
     """Part (free,) of the shortest motion's acceleration that lies in the null space.
 

@@ -16,10 +16,10 @@ from closedchain.analysis.motion.track.routes import Path, Rates, Route, route
 from closedchain.analysis.motion.track.states import State, Stuck, state, states
 from closedchain.analysis.motion.track.stops import Stop, kinds_at, stop
 from closedchain.analysis.progress import reporting
-from closedchain.analysis.singularity.maps.grid import Progress
 from closedchain.closure.mechanism import Mechanism
 from closedchain.closure.nearest import beyond_limits
 from closedchain.closure.position import direct, inverse
+from closedchain.closure.progress import Progress
 from closedchain.closure.solve.factors import factorise
 from closedchain.closure.solve.outcome import Ending
 from closedchain.urdf.errors import ClosureError, known_names

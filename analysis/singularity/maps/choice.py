@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import hashlib
 import pickle
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from types import FunctionType
 
 import numpy as np
 
@@ -152,6 +154,14 @@ def check_portable(functions: Functions) -> None:
 
 
 def identity(function: Function) -> str:
-    """Module and name of a function, or of the class of an object that is called."""
-    named = function if hasattr(function, "__qualname__") else type(function)
-    return f"{named.__module__}.{named.__qualname__}"
+    """Module and name of a function; of any other object the class, and what it holds.
+
+    A method, or an object such as a measure with stiffnesses of drives, is another one with other
+    numbers in it.
+    """
+    named = function if isinstance(function, FunctionType) else type(function)
+    name = f"{named.__module__}.{named.__qualname__}"
+    if isinstance(function, FunctionType):
+        return name
+    held = hashlib.sha256(pickle.dumps(function, protocol=4)).hexdigest()
+    return f"{name} {held[:16]}"

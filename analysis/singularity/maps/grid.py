@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from closedchain.closure.chart import Chart, joint_index
 from closedchain.closure.charting import At, chart_of
-from closedchain.closure.given import by_name
+from closedchain.closure.given import by_name, real_array
 from closedchain.closure.mechanism import Mechanism
 from closedchain.closure.modes.choosing import by_pose, mode_posture
 from closedchain.urdf.errors import ClosureError
@@ -27,9 +27,6 @@ OK, NONE_FOUND, OTHER_BRANCH, JOINT_LIMIT, NOT_CONVERGED, BEHIND_LIMIT = range(6
 UNSEEN = -1
 
 MOST_COORDINATES = 6
-
-Progress = Callable[[str, int, int], None]
-"""Called with what is being done, how much of it is done, and how much there is."""
 
 _TURNS = {  # allowed values of the tip's rotation [rad], and how to say so
     **dict.fromkeys(("rx", "ry", "rz", "torsion"), (-np.pi, np.pi, "within -pi to pi")),
@@ -135,7 +132,8 @@ def grid_of(
     for name, axis in zip(names, values, strict=True):
         _check_turn(mechanism, name, axis)
     for name, value in at.items() if isinstance(at, Mapping) else ():
-        _check_turn(mechanism, str(name), np.atleast_1d(np.asarray(value, dtype=float)))
+        held = real_array(value, f"the value of {str(name)!r}", "a number")
+        _check_turn(mechanism, str(name), np.atleast_1d(held))
     if start is None:
         chart = chart_of(mechanism, names, at, outputs)
     else:
@@ -148,15 +146,10 @@ def grid_of(
 
 
 def _axis(name: str, values: ArrayLike) -> np.ndarray:
-    try:
-        axis = np.array(values, dtype=float)
-    except (TypeError, ValueError):
-        axis = np.zeros(0)
+    wanted = "at least two finite, rising numbers, such as np.linspace(0.1, 0.2, 50)"
+    axis = real_array(values, f"values of {name!r}", wanted)
     if axis.ndim != 1 or axis.size < 2 or not np.isfinite(axis).all() or (np.diff(axis) <= 0).any():
-        raise ClosureError(
-            f"values of {name!r} must be at least two finite, rising numbers, such as "
-            "np.linspace(0.1, 0.2, 50)"
-        )
+        raise ClosureError(f"values of {name!r} must be {wanted}")
     return axis
 
 

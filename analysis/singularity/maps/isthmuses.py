@@ -14,7 +14,8 @@ from itertools import product
 import numpy as np
 
 from closedchain.closure.chart import Chart
-from closedchain.closure.solve.flood import ARRIVED, Block, Progress, beside, flood
+from closedchain.closure.progress import Reached
+from closedchain.closure.solve.flood import ARRIVED, Block, beside, flood
 from closedchain.closure.solve.search import search
 
 FINER = {1: (8,), 2: (2, 8), 3: (2, 4)}
@@ -73,7 +74,7 @@ class Shore:
         return found.found, found.q
 
     def crossed(
-        self, cells: np.ndarray, progress: Progress | None = None
+        self, cells: np.ndarray, progress: Reached | None = None
     ) -> tuple[np.ndarray, np.ndarray]:
         """Cells (n, k) into which the branch leads through finer grids; and their postures."""
         reached = [np.zeros((0, cells.shape[1]), dtype=int)]
@@ -105,7 +106,7 @@ class Shore:
         raise ValueError("no solved cell touches it")
 
     def _through(
-        self, cells: np.ndarray, parts: int, progress: Progress | None
+        self, cells: np.ndarray, parts: int, progress: Reached | None
     ) -> tuple[np.ndarray, np.ndarray]:
         """Which cells (n, k) are reached within a cell around them, cut in parts; postures."""
         k, side = cells.shape[1], 2 * parts + 1

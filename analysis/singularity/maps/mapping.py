@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 from numpy.typing import ArrayLike
 
-from closedchain.analysis.singularity.maps.grid import Progress, grid_of
+from closedchain.analysis.singularity.maps.grid import grid_of
 from closedchain.analysis.singularity.maps.labels import labelled
 from closedchain.closure.mechanism import Mechanism
+from closedchain.closure.progress import Progress
 from closedchain.urdf.extras import require
 
 if TYPE_CHECKING:

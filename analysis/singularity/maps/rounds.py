@@ -23,13 +23,13 @@ from closedchain.analysis.singularity.maps.grid import (
     OK,
     OTHER_BRANCH,
     UNSEEN,
-    Progress,
 )
 from closedchain.analysis.singularity.maps.journal import Edge, Journal, State
 from closedchain.analysis.singularity.maps.scheduling import Crew
 from closedchain.analysis.singularity.maps.spreading import Job, Seams, Task
 from closedchain.analysis.singularity.maps.storage import Store
 from closedchain.analysis.singularity.maps.tiles import Found, Index, Tiles
+from closedchain.closure.progress import Progress
 
 LATTICE = 256
 """Cells, about, from which other branches are sought."""

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from closedchain.analysis.singularity.maps.grid import Progress
 from closedchain.analysis.singularity.sets.lattice import finer
 from closedchain.analysis.singularity.sets.seeds import brackets, middles
 from closedchain.analysis.singularity.sets.tracked import Tracker
+from closedchain.closure.progress import Progress
 
 
 def complete(

@@ -13,7 +13,6 @@ from itertools import chain
 import numpy as np
 
 from closedchain.analysis.singularity.classify import SINGULAR
-from closedchain.analysis.singularity.maps.grid import Progress
 from closedchain.analysis.singularity.sets.bordered import Measure
 from closedchain.analysis.singularity.sets.everywhere import singular_throughout
 from closedchain.analysis.singularity.sets.lattice import Lattice, finer
@@ -28,6 +27,7 @@ from closedchain.analysis.singularity.sets.singular_set import (
 from closedchain.analysis.singularity.sets.slices import Slice
 from closedchain.analysis.singularity.sets.touching import touching
 from closedchain.analysis.singularity.sets.tracked import Tracker
+from closedchain.closure.progress import Progress
 
 UPRIGHT = 1e-6  # of a cell: a curve whose coordinates vary less stands above a point
 VERDICTS = {-1: "none found", 0: "isolated", 1: "curve", 2: "surface"}
@@ -96,7 +96,7 @@ def curve_set(
         verdict=verdict,
         dropped=tracker.dropped,
         missed=missed,
-        note=_note(tracker, kind, outputs),
+        note=_note(tracker, outputs),
     )
 
 
@@ -135,7 +135,7 @@ def _alone(tracker: Tracker, pieces: Sequence[Piece]) -> list[Piece]:
     return found
 
 
-def _note(tracker: Tracker, kind: str, outputs: tuple[str, ...]) -> str:
+def _note(tracker: Tracker, outputs: tuple[str, ...]) -> str:
     """What has to be said of the way the set was sought."""
     notes = []
     measures, k = tracker.system.measures, len(tracker.lattice.chart.names)

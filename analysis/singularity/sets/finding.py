@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from numpy.typing import ArrayLike
 
-from closedchain.analysis.singularity.maps.grid import Progress, grid_of
+from closedchain.analysis.singularity.maps.grid import grid_of
 from closedchain.analysis.singularity.sets.curves import curves_on, is_everywhere
 from closedchain.analysis.singularity.sets.cusps import cusps_of
 from closedchain.analysis.singularity.sets.lattice import Lattice, finer, lattice_on
@@ -15,6 +15,7 @@ from closedchain.analysis.singularity.sets.meeting import meeting
 from closedchain.analysis.singularity.sets.singular_set import KINDS, SingularitySet
 from closedchain.analysis.singularity.sets.surfaces import surface_set
 from closedchain.closure.mechanism import Mechanism
+from closedchain.closure.progress import Progress
 from closedchain.urdf.errors import ClosureError, known_names
 
 BOTH = ("direct", "inverse")

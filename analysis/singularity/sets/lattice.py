@@ -14,11 +14,12 @@ import numpy as np
 from closedchain.analysis.first_order import OPEN, first_order
 from closedchain.analysis.singularity.bulk.measuring import bulk_measures
 from closedchain.analysis.singularity.classify import SINGULAR
-from closedchain.analysis.singularity.maps.grid import OK, Grid, Progress
+from closedchain.analysis.singularity.maps.grid import OK, Grid
 from closedchain.analysis.singularity.maps.measures import KINDS, oriented
 from closedchain.analysis.singularity.sets.postures_at import first_order_code
 from closedchain.closure.chart import Chart
 from closedchain.closure.generic import generic_ranks
+from closedchain.closure.progress import Progress
 from closedchain.closure.solve.control import SMALLEST
 from closedchain.closure.solve.outcome import Ending
 from closedchain.closure.solve.path import follower_of

@@ -110,10 +110,7 @@ class Sheets:
     at: dict[Edge, list[int]] = field(default_factory=dict)
     links: dict[Face, list[tuple[int, int]]] = field(default_factory=dict)
     rims: set[int] = field(default_factory=set)
-
-    def __post_init__(self) -> None:
-        """Nothing is waiting yet."""
-        self._waiting: list[Walk] = []
+    _waiting: list[Walk] = field(init=False, default_factory=list, repr=False)
 
     @cached_property
     def cubes(self) -> Cubes:

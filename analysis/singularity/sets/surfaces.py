@@ -10,7 +10,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from closedchain.analysis.singularity.maps.grid import Progress
 from closedchain.analysis.singularity.sets.bordered import Measure
 from closedchain.analysis.singularity.sets.edges import Edges
 from closedchain.analysis.singularity.sets.lattice import Lattice, finer
@@ -21,6 +20,7 @@ from closedchain.analysis.singularity.sets.slices import Slice
 from closedchain.analysis.singularity.sets.touching import touching
 from closedchain.analysis.singularity.sets.tracked import Tracker
 from closedchain.analysis.singularity.sets.triangles import meshed
+from closedchain.closure.progress import Progress
 
 TOUCHED = "where a determinant only touches zero, middles of triangles are not checked"
 FIRST = 16

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -15,7 +15,6 @@ from closedchain.closure.modes.connections.connected import Connections, Searche
 from closedchain.closure.modes.connections.covering import (
     Branches,
     Covering,
-    Report,
     covering_of,
 )
 from closedchain.closure.modes.connections.fitting import fitted
@@ -28,14 +27,13 @@ from closedchain.closure.modes.connections.window import (
     names_and_ranges,
     window_of,
 )
+from closedchain.closure.progress import Count, Progress
 from closedchain.closure.solve.alone import least_share
 from closedchain.closure.solve.problem import Problem, problem_of
 from closedchain.urdf.description import OUTPUTS
 from closedchain.urdf.errors import ClosureError, known_names
 
 SINGULAR = 1e-6  # share of the largest singular value: no branch is followed from there
-
-Progress = Callable[[str, int, int], None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,7 +120,7 @@ def connections_of(
     branches = Branches(chart, limits)
     wanted = Wanted(ranges, resolution, limits)
 
-    def report(what: str) -> Report:
+    def report(what: str) -> Count:
         return lambda count: progress(what, count, 0) if progress is not None else None
 
     wanted = fitted(chart, wanted, followed.q, branches, report("fitting the window"))

@@ -8,7 +8,6 @@ postures hang together is seen from these ways alone.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -19,6 +18,7 @@ from closedchain.closure.modes.connections.window import Window
 from closedchain.closure.modes.seeking import unwound
 from closedchain.closure.modes.shapes import shapes_of
 from closedchain.closure.nearest import LIMIT_TOLERANCE
+from closedchain.closure.progress import Count
 from closedchain.closure.solve.control import CLOSED
 from closedchain.closure.solve.hops import SMALLEST_STEP
 from closedchain.closure.solve.outcome import Ending
@@ -34,8 +34,6 @@ UNTRIED = Ending.UNTRIED.code
 
 NUMBERS = 6  # of a posture's shape, enough to tell two of them apart
 SAME = 1e-6
-
-Report = Callable[[int], None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,7 +165,7 @@ class Covering:
 
 
 def covering_of(
-    window: Window, q: np.ndarray, branches: Branches, report: Report | None = None
+    window: Window, q: np.ndarray, branches: Branches, report: Count | None = None
 ) -> Covering:
     """Covering that modes (n, nq) of a window lead to."""
     work = _Filling(window, branches)

@@ -7,8 +7,9 @@ from dataclasses import replace
 import numpy as np
 
 from closedchain.closure.chart import Chart
-from closedchain.closure.modes.connections.covering import Branches, Covering, Report, covering_of
+from closedchain.closure.modes.connections.covering import Branches, Covering, covering_of
 from closedchain.closure.modes.connections.window import SPAN, Wanted, around, window_of
+from closedchain.closure.progress import Count
 
 COARSE = {1: 60, 2: 20, 3: 8}
 """Cells along an axis of the grid that ranges are fitted on, by the number of coordinates."""
@@ -19,7 +20,7 @@ Range = tuple[float, float]
 
 
 def fitted(
-    chart: Chart, wanted: Wanted, q: np.ndarray, branches: Branches, report: Report | None = None
+    chart: Chart, wanted: Wanted, q: np.ndarray, branches: Branches, report: Count | None = None
 ) -> Wanted:
     """The same with all ranges given: on a coarse grid modes (n, nq) do not reach beyond them.
 

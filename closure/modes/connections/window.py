@@ -9,8 +9,9 @@ from functools import cached_property
 import numpy as np
 
 from closedchain.closure.chart import Chart, joint_index
+from closedchain.closure.given import real_array
 from closedchain.closure.turns import tied, turning
-from closedchain.urdf.errors import ClosureError
+from closedchain.urdf.errors import ClosureError, known_names
 
 RESOLUTION = {1: 400, 2: 60, 3: 16}
 """Cells along an axis, by the number of coordinates."""
@@ -153,16 +154,14 @@ def names_and_ranges(over: Over) -> dict[str, Range]:
     return found
 
 
-def _range(name: str, given: object) -> Range:
+def _range(name: str, given: Range) -> Range:
     if given is None:
         return None
-    try:
-        low, high = (float(x) for x in given)  # type: ignore[attr-defined]
-    except (TypeError, ValueError):
-        raise ClosureError(
-            f"the range of {name!r} must be (lowest, highest), got {given!r}"
-        ) from None
-    if not (np.isfinite([low, high]).all() and low < high):
+    ends = real_array(given, f"the range of {name!r}", "(lowest, highest)")
+    if ends.shape != (2,):
+        raise ClosureError(f"the range of {name!r} must be (lowest, highest), got {given!r}")
+    low, high = ends.tolist()
+    if not (np.isfinite(ends).all() and low < high):
         raise ClosureError(
             f"the range of {name!r} must rise and be finite, got {low:g} to {high:g}"
         )
@@ -175,8 +174,13 @@ def window_of(chart: Chart, wanted: Wanted) -> Window:
     Raises
     ------
     ClosureError
-        A range that does not hold the modes' value, a resolution that is none.
+        A range that does not hold the modes' value, a resolution that is none or of what does not
+        vary.
     """
+    if isinstance(wanted.resolution, Mapping):
+        for name in wanted.resolution:
+            if name not in chart.names:
+                raise ClosureError(known_names(str(name), "coordinate that varies", chart.names))
     axes, whole = [], []
     for name, x in zip(chart.names, chart.values(chart.start).tolist(), strict=True):
         cells = _cells(wanted.resolution, name, len(chart.names))
@@ -196,9 +200,12 @@ def window_of(chart: Chart, wanted: Wanted) -> Window:
 def _cells(resolution: int | Mapping[str, int] | None, name: str, k: int) -> int:
     n = resolution.get(name) if isinstance(resolution, Mapping) else resolution
     n = RESOLUTION[k] if n is None else n
-    if int(n) != n or not 2 <= n <= MOST_CELLS:
+    number = np.asarray(n)
+    if number.dtype.kind not in "iuf" or number.ndim or number != number.round():
+        raise ClosureError(f"{name} must have a whole number of cells, got {n!r}")
+    if not 2 <= number <= MOST_CELLS:
         raise ClosureError(f"{name} must have between 2 and {MOST_CELLS} cells, got {n}")
-    return int(n)
+    return int(number)
 
 
 def _axis(low: float, x: float, high: float, cells: int) -> np.ndarray:

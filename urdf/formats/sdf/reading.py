@@ -79,14 +79,14 @@ def read(text: str) -> Description:
     }
     if not bodies:
         raise elements.error(model, "the model has no <link>")
-    canonical = _canonical(model, bodies, frames)
+    canonical = _canonical(model, bodies)
     old = _version(model) < (1, 5)
     edges, couplings = _edges(model, frames, canonical, old, notes)
     inputs = roles.inputs or _driven(model, {edge.name for edge in edges})
     driven = {item.joint for item in inputs}
     edges = [replace(edge, driven=edge.name in driven) for edge in edges]
     gears = _gears(model, frames, edges, old, notes)
-    root, edges = _base(bodies, edges, canonical, notes)
+    root, edges = _base(edges, canonical, notes)
     if root == WORLD:
         bodies[WORLD] = frames.pose(WORLD, model)
     found = spanned(root, bodies, edges, roles.floating)
@@ -163,7 +163,7 @@ def _read_over(model: Element) -> list[str]:
     ]
 
 
-def _canonical(model: Element, bodies: Mapping[str, np.ndarray], frames: Frames) -> str:
+def _canonical(model: Element, bodies: Mapping[str, np.ndarray]) -> str:
     wanted = model.get("canonical_link")
     if not wanted:
         return next(iter(bodies))
@@ -301,9 +301,7 @@ def _shifted(coupling: Coupling, home: Mapping[str, tuple[float, ...]]) -> Coupl
     return replace(coupling, offset=coupling.offset + y - coupling.multiplier * x)
 
 
-def _base(
-    bodies: Mapping[str, np.ndarray], edges: list[Edge], canonical: str, notes: list[str]
-) -> tuple[str, list[Edge]]:
+def _base(edges: list[Edge], canonical: str, notes: list[str]) -> tuple[str, list[Edge]]:
     """The base, and the edges that are left: a joint that only fixes the base is none."""
     on_world = [edge for edge in edges if WORLD in (edge.parent, edge.child)]
     if not on_world:
