@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from browser import Browser
 from page_reading import browse, drawn, scripts, transforms
 
 import closedchain as cc
@@ -160,7 +161,13 @@ def test_colours_that_are_none_are_left_out_of_the_legend() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [NAMES[0], NAMES[1], " ".join(NAMES)])
 def test_a_browser_plays_a_page_of_such_names(name: str, tmp_path: Path) -> None:
-    text = browse(named_page(name), tmp_path, "--dump-dom", mark="#t=0.25")
+    file = tmp_path / "page.html"
+    file.write_text(named_page(name), encoding="utf-8")
+    with Browser(tmp_path) as browser:
+        drawn = "document.querySelectorAll('.name[style*=left]').length >= 3"
+        told = "document.body.innerText.includes('0.250 s')"
+        browser.open(file.as_uri() + "#t=0.25", f"{drawn} && {told}")
+        text = str(browser.run("document.documentElement.outerHTML"))
     assert ">0.250 s</output>" in text  # the player has started
     assert text.count("<output>0.2500</output>") == 2
     shown = html.escape(name, quote=False)
