@@ -117,7 +117,9 @@ class Around:
         )
         return Bent(found, beside)
 
-    def spread(self, equations: Equations, start: np.ndarray, count: int, seed: int = 0) -> list[Bent]:
+    def spread(
+        self, equations: Equations, start: np.ndarray, count: int, seed: int = 0
+    ) -> list[Bent]:
         """Up to ``count`` postures around ``start`` (nq,), on all branches; the same always."""
         rng = np.random.default_rng(seed)
         found: list[Bent] = []
@@ -135,7 +137,7 @@ class Around:
     def _stepped(
         self, equations: Equations, base: np.ndarray, rng: np.random.Generator
     ) -> np.ndarray:
-        u, s, vt = np.linalg.svd(equations.evaluate(base)[1])
+        _, s, vt = np.linalg.svd(equations.evaluate(base)[1])
         motions = vt[self._count(s) :].T
         along = motions @ rng.standard_normal(motions.shape[1])
         along *= STRIDE * rng.uniform(0.2, 1.0) / max(float(np.abs(along).max(initial=0.0)), 1e-12)

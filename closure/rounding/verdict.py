@@ -135,8 +135,9 @@ def _doubt(asked: _Question, spot: Spot) -> str:
     more = f" and {len(names) - 4} more" if len(names) > 4 else ""
     above = f"{spot.values[rank - 1]:.3g} | " if rank else ""
     below = f"{spot.values[rank]:.2g}" if rank < spot.values.size else "0"
+    count = len(asked.part.rows)
     return (
-        f"of the {len(asked.part.rows)} rows of {listed}{more} hardly more than {rank} are independent "
+        f"of the {count} rows of {listed}{more} hardly more than {rank} are independent "
         f"(singular values {above}{below}). Rounded numbers may look so; but no mechanism in which "
         f"the others depend on these was found within the tolerance of {asked.tolerance:.2g} m, "
         "and the numbers are taken as printed"
