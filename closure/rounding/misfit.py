@@ -9,7 +9,7 @@ import numpy as np
 
 from closedchain.closure.equations import Equations
 from closedchain.closure.ranks import Rank, independent_rows
-from closedchain.closure.rounding.settling import Settled
+from closedchain.closure.rounding.refit import Spot
 from closedchain.closure.solve.control import CLOSED
 from closedchain.closure.solve.newton import largest
 
@@ -25,7 +25,7 @@ class Misfit:
     missed: float
 
 
-def misfit(equations: Equations, spots: Sequence[Settled]) -> Misfit:
+def misfit(equations: Equations, spots: Sequence[Spot]) -> Misfit:
     """What is missed at postures along the motions, the first of them beside home.
 
     Postures at which the kept rows are much less independent than all rows tell of the choice, not

@@ -10,13 +10,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
+from closedchain.closure.equations import Equations
 from closedchain.closure.mechanism import Mechanism
 from closedchain.closure.rounding.parts import Part
+from closedchain.closure.rounding.relations import Relations
 from closedchain.closure.rounding.sensitivity import Sensitivity
-from closedchain.closure.rounding.settling import Settled, settled, spread
 from closedchain.urdf.description import Description
 from closedchain.urdf.digits import Number, with_numbers
 
@@ -36,6 +38,53 @@ NEARLY = 1e-9  # dimensionless row from which other postures are worth a try
 Build = Callable[[Description], Mechanism]
 
 
+class Spot(Protocol):
+    """A posture that is closed as well as numbers let it: ``Settled`` or ``Bent``."""
+
+    @property
+    def q(self) -> np.ndarray:
+        """Posture (nq,)."""
+
+    @property
+    def rank(self) -> int:
+        """Rows that are to be independent there."""
+
+    @property
+    def values(self) -> np.ndarray:
+        """Singular values (min(rows, nv),) of the Jacobian."""
+
+    @property
+    def size(self) -> float:
+        """Size that singular values are judged by."""
+
+    @property
+    def open(self) -> float:
+        """Largest dimensionless row."""
+
+    @property
+    def left(self) -> np.ndarray:
+        """What no change of the posture closes (k,)."""
+
+    def by_numbers(self, sensitivity: Sensitivity) -> np.ndarray:
+        """Derivative (k, n) of ``left`` by numbers."""
+
+
+class Search(Protocol):
+    """How such postures are looked for: ``Along`` motions or ``Around`` a posture."""
+
+    @property
+    def tolerance(self) -> float:
+        """Dimensionless size of what rounding may leave open."""
+
+    def settled(self, equations: Equations, q: np.ndarray, rank: int) -> Spot | None:
+        """The one near ``q`` (nq,)."""
+
+    def spread(
+        self, equations: Equations, start: np.ndarray, count: int, seed: int = 0
+    ) -> Sequence[Spot]:
+        """Up to ``count`` beside a posture (nq,), the same always."""
+
+
 @dataclass(frozen=True, eq=False)
 class Movable:
     """What may change, and to what end.
@@ -48,67 +97,66 @@ class Movable:
     numbers : tuple of Number
     weights : (n,) array
         How easily each number moves, such as the unit of its last digit; 0 for those that stay.
-    rank : int
-        Rows that are to stay independent.
-    tolerance : float
-        Dimensionless size of what rounding may leave open.
+    search : Search
+        How postures are looked for.
+    relations : Relations
+        What is to hold beside the rows.
     """
 
     part: Part
     build: Build
     numbers: tuple[Number, ...]
     weights: np.ndarray
-    rank: int
-    tolerance: float
+    search: Search
+    relations: Relations
 
 
 @dataclass(frozen=True, eq=False)
 class _State:
-    """A mechanism, the values (n,) of its numbers, and the postures looked at."""
+    """A mechanism, the values (n,) of its numbers, and the postures looked at.
+
+    ``related`` are rows of relations, with their derivative by all numbers.
+    """
 
     mechanism: Mechanism
     values: np.ndarray
-    spots: list[Settled]
+    spots: Sequence[Spot]
+    related: tuple[np.ndarray, np.ndarray]
 
     @property
     def worst(self) -> float:
-        return _worst(self.spots)
+        return max(_worst(self.spots), float(np.abs(self.related[0]).max(initial=0.0)))
 
 
 def refit(
-    movable: Movable, mechanism: Mechanism, postures: Sequence[np.ndarray]
+    movable: Movable, mechanism: Mechanism, start: np.ndarray, spots: Sequence[Spot]
 ) -> Mechanism | None:
     """Move numbers until rows beyond the rank depend on the others; None where they do not come to.
 
-    ``postures`` (nq,) lie along the motions of the ``mechanism``, closed to the tolerance.
+    ``spots`` are postures of the ``mechanism``, closed to the tolerance, from ``start`` (nq,).
     """
     values = np.array([number.value for number in movable.numbers])
-    part, start = movable.part, postures[0]
+    search = movable.search
     for seed in range(1, ROUNDS + 1):
-        found = _descended(movable, mechanism, values, postures)
+        found = _descended(movable, mechanism, values, spots)
         if found is None or found.worst > NEARLY:
             return None
-        if found.worst > FAIR:  # numbers may fit in two ways that meet here: again, elsewhere
-            equations = part.equations(part.alone(mechanism))
-            again = spread(equations, start, movable.rank, movable.tolerance, POSTURES, seed)
-            if not again:
-                return None
-            postures = [spot.q for spot in again]
-            continue
-        mechanism, values = found.mechanism, found.values
-        start = found.spots[0].q
-        equations = part.equations(part.alone(mechanism))
-        fresh = spread(equations, start, movable.rank, movable.tolerance, POSTURES, seed)
+        fitted = found.worst <= FAIR
+        if fitted:
+            mechanism, values = found.mechanism, found.values
+        # where they do not, numbers may fit in two ways that meet here: again, elsewhere
+        equations = movable.part.equations(movable.part.alone(mechanism))
+        fresh = search.spread(equations, start, POSTURES, seed)
         if not fresh:
             return None
-        if _worst(fresh) < FAIR:
+        if fitted and _worst(fresh) < FAIR:
             return mechanism
-        postures = [spot.q for spot in (*found.spots, *fresh)]
+        spots = [*found.spots, *fresh] if fitted else fresh
     return None
 
 
 def _descended(
-    movable: Movable, mechanism: Mechanism, values: np.ndarray, postures: Sequence[np.ndarray]
+    movable: Movable, mechanism: Mechanism, values: np.ndarray, spots: Sequence[Spot]
 ) -> _State | None:
     """Levenberg-Marquardt with a damping that goes with the last change of the numbers.
 
@@ -117,11 +165,10 @@ def _descended(
     """
     moving = np.flatnonzero(movable.weights > 0.0)
     scale = movable.weights[moving] / movable.weights.max(initial=0.0)
-    spots = _settled(movable, mechanism, postures)
-    if spots is None:
+    here = _state(movable, mechanism, values, spots)
+    if here is None:
         return None
-    here = _State(mechanism, values, spots)
-    size, stalled = movable.tolerance, 0
+    size, stalled = movable.search.tolerance, 0
     for _ in range(STEPS):
         if here.worst < EXACT or not moving.size or stalled >= ENOUGH:
             break
@@ -140,10 +187,14 @@ def _descended(
 
 def _step(movable: Movable, here: _State, scale: np.ndarray, damping: float) -> np.ndarray:
     """Damped least change (m,) of the moving numbers that closes what is left open."""
-    chosen = [movable.numbers[i] for i in np.flatnonzero(movable.weights > 0.0)]
-    left = np.concatenate([spot.spare.T @ spot.rows for spot in here.spots])
-    by_number = Sensitivity(movable.part.alone(here.mechanism), chosen)
-    matrix = np.vstack([spot.spare.T @ by_number.at(spot.q) * scale for spot in here.spots])
+    moving = np.flatnonzero(movable.weights > 0.0)
+    by_number = Sensitivity(
+        movable.part.alone(here.mechanism), [movable.numbers[i] for i in moving]
+    )
+    related, slopes = here.related
+    left = np.concatenate([related, *(spot.left for spot in here.spots)])
+    rows = [slopes[:, moving], *(spot.by_numbers(by_number) for spot in here.spots)]
+    matrix = np.vstack(rows) * scale
     # least |matrix y - left|^2 + |damping y|^2, by orthogonal factors of the smaller side
     if matrix.shape[0] >= matrix.shape[1]:
         whole = np.vstack([matrix, damping * np.eye(matrix.shape[1])])
@@ -156,19 +207,20 @@ def _step(movable: Movable, here: _State, scale: np.ndarray, damping: float) -> 
 
 def _moved(movable: Movable, here: _State, values: np.ndarray) -> _State | None:
     described = with_numbers(here.mechanism.description, movable.numbers, values)
-    mechanism = movable.build(described)
-    spots = _settled(movable, mechanism, [spot.q for spot in here.spots])
-    return None if spots is None else _State(mechanism, values, spots)
+    return _state(movable, movable.build(described), values, here.spots)
 
 
-def _settled(
-    movable: Movable, mechanism: Mechanism, postures: Sequence[np.ndarray]
-) -> list[Settled] | None:
+def _state(
+    movable: Movable, mechanism: Mechanism, values: np.ndarray, spots: Sequence[Spot]
+) -> _State | None:
+    """The postures of ``spots`` found again with these numbers; None where too many are lost."""
     equations = movable.part.equations(movable.part.alone(mechanism))
-    found = (settled(equations, q, movable.rank) for q in postures)
-    spots = [spot for spot in found if spot is not None]
-    return spots if len(spots) > MOST * len(postures) else None
+    tried = (movable.search.settled(equations, spot.q, spot.rank) for spot in spots)
+    found = [spot for spot in tried if spot is not None]
+    if len(found) <= MOST * len(spots):
+        return None
+    return _State(mechanism, values, found, movable.relations.at(mechanism.description))
 
 
-def _worst(spots: Sequence[Settled]) -> float:
+def _worst(spots: Sequence[Spot]) -> float:
     return max(spot.open for spot in spots)

@@ -10,8 +10,9 @@ import pinocchio as pin
 
 from closedchain.closure.mechanism import Mechanism
 from closedchain.closure.responses import link_poses, responses
+from closedchain.closure.rounding.number_twists import across, of_origin
 from closedchain.closure.tree import se3, z_onto
-from closedchain.urdf.description import Joint, LoopClosure, Origin, Vector3
+from closedchain.urdf.description import Joint, LoopClosure, Vector3
 from closedchain.urdf.digits import Number
 
 _STEP = 1e-6  # of a difference
@@ -91,12 +92,12 @@ def _of_joint(joint: Joint, columns: Sequence[int], numbers: Sequence[Number]) -
     axis = [i for i in columns if numbers[i].part == "axis"]
     turns = np.array([_turn(joint.axis, numbers[i].index) for i in axis]).reshape(-1, 6).T
     along = np.array(joint.axis)
-    slides = np.array([[*_across(along, numbers[i].index), 0.0, 0.0, 0.0] for i in axis])
+    slides = np.array([[*across(along, numbers[i].index), 0.0, 0.0, 0.0] for i in axis])
     none, prismatic = np.zeros((6, 0)), joint.type == "prismatic"
     return _JointNumbers(
         joint,
         np.array([*origin, *axis], dtype=int),
-        _of_origin(joint.origin, [numbers[i].index for i in origin]),
+        of_origin(joint.origin, [numbers[i].index for i in origin]),
         none if prismatic else turns,
         slides.reshape(-1, 6).T if prismatic else none,
     )
@@ -116,7 +117,7 @@ def _of_closure(
         if number.part.endswith("axis"):
             found[side, :, k] = _of_axis(axis, number.index)
         else:
-            found[side, :, k] = onto @ _of_origin(origin, [number.index])[:, 0]
+            found[side, :, k] = onto @ of_origin(origin, [number.index])[:, 0]
     return found[0], found[1]
 
 
@@ -139,29 +140,3 @@ def _of_axis(axis: Vector3, index: int) -> np.ndarray:
 def _turn(axis: Vector3, index: int) -> np.ndarray:
     """Twist (6,) of turning an axis towards x, y or z."""
     return np.array([0.0, 0.0, 0.0, *np.cross(axis, np.eye(3)[index])])
-
-
-def _across(axis: np.ndarray, index: int) -> np.ndarray:
-    """Change (3,) of a unit vector per change of a component."""
-    unit = np.eye(3)[index]
-    return np.asarray(unit - axis * axis[index])
-
-
-def _of_origin(origin: Origin, indices: Sequence[int]) -> np.ndarray:
-    """Twists (6, n) of a frame, in itself, by x y z roll pitch yaw (0 to 5) of its origin.
-
-    R = Rz(yaw) Ry(pitch) Rx(roll): roll turns about the frame's own x, yaw about the parent's z.
-    """
-    turn = se3(origin).rotation
-    yaw = origin.rpy[2]
-    rates = np.array(
-        [
-            [1.0, 0.0, 0.0],
-            turn.T @ [-np.sin(yaw), np.cos(yaw), 0.0],
-            turn.T @ [0.0, 0.0, 1.0],
-        ]
-    ).T
-    whole = np.zeros((6, 6))
-    whole[:3, :3] = turn.T
-    whole[3:, 3:] = rates
-    return whole[:, list(indices)]

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from closedchain.closure.equations import Equations
+from closedchain.closure.rounding.sensitivity import Sensitivity
 
 STEPS = 30
 STRIDE = 1.2
@@ -54,6 +55,41 @@ class Settled:
     def open(self) -> float:
         """Largest dimensionless row."""
         return float(np.abs(self.rows).max(initial=0.0))
+
+    @property
+    def left(self) -> np.ndarray:
+        """Rows (k,) in the directions that are left open."""
+        return np.asarray(self.spare.T @ self.rows)
+
+    def by_numbers(self, sensitivity: Sensitivity) -> np.ndarray:
+        """Derivative (k, n) of ``left`` by numbers."""
+        return np.asarray(self.spare.T @ sensitivity.at(self.q))
+
+
+@dataclass(frozen=True)
+class Along:
+    """How postures are looked for where motions lead as far as the rank promises.
+
+    Attributes
+    ----------
+    rank : int
+        Independent rows.
+    tolerance : float
+        Dimensionless size of what rounding may leave open.
+    """
+
+    rank: int
+    tolerance: float
+
+    def settled(self, equations: Equations, q: np.ndarray, rank: int) -> Settled | None:
+        """The posture near ``q`` (nq,) with so many directions closed; None if there is none."""
+        return settled(equations, q, rank)
+
+    def spread(
+        self, equations: Equations, start: np.ndarray, count: int, seed: int = 0
+    ) -> list[Settled]:
+        """The start (nq,) and up to ``count`` postures along the motions; the same always."""
+        return spread(equations, start, self.rank, self.tolerance, count, seed)
 
 
 def settled(equations: Equations, q: np.ndarray, rank: int) -> Settled | None:

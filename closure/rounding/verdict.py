@@ -17,16 +17,18 @@ from closedchain.closure.constraints import flipped_axes
 from closedchain.closure.equations import Equations
 from closedchain.closure.mechanism import Mechanism
 from closedchain.closure.ranks import RANK_TOLERANCE
+from closedchain.closure.rounding.bending import Around
 from closedchain.closure.rounding.misfit import Misfit, misfit
 from closedchain.closure.rounding.parts import Part, parts_of
-from closedchain.closure.rounding.refit import POSTURES, Build, Movable, refit
+from closedchain.closure.rounding.refit import POSTURES, Build, Movable, Search, Spot, refit
+from closedchain.closure.rounding.relations import relations
 from closedchain.closure.rounding.report import Change, Rounding, together
-from closedchain.closure.rounding.settling import Settled, spread
+from closedchain.closure.rounding.settling import Along, Settled
 from closedchain.closure.solve.descend import Descent, descend
 from closedchain.closure.solve.leaving import left
 from closedchain.closure.solve.newton import largest
 from closedchain.closure.solve.starts import scattered, turned
-from closedchain.urdf.digits import Number, default_tolerance, numbers, with_numbers
+from closedchain.urdf.digits import UNITS, Number, default_tolerance, numbers, with_numbers
 
 NONE = 1e-11
 """Tolerance [m] below which numbers are printed in full."""
@@ -103,33 +105,39 @@ def _of_part(
     doubt: str | None = None
     owners = asked.part.owners(asked.printed)
     found = [n for n in numbers(before.description) if n.owner in owners]
-    for spots, rank in _along(asked, start):
-        if not _doubtful(spots, rank):
-            return before, misfit(asked.equations, spots)
-        doubt = doubt or _doubt(asked, spots[0], rank)
+    for search, begin, spots in _searches(asked, start):
+        rank = max(spot.rank for spot in spots)
+        plain = [spot for spot in spots if spot.rank == rank]
+        if not _doubtful(spots):
+            return before, misfit(asked.equations, plain)
+        doubt = doubt or _doubt(asked, plain[0])
         if len(spots) == 1 and rank < asked.equations.free.size:
             continue  # the motions that this rank promises lead nowhere
-        for weights, values in _attempts(found, asked.tolerance, asked.printed.length):
+        for weights, values, slack in _attempts(found, asked.tolerance, asked.printed.length):
             model = build(with_numbers(before.description, found, values))
             now = tuple(
                 replace(n, value=float(v), meant=float(v))
                 for n, v in zip(found, values, strict=True)
             )
-            movable = Movable(asked.part, build, now, weights, rank, asked.share)
-            exact = refit(movable, model, [spot.q for spot in spots])
-            if exact is not None and _near(asked, exact):
-                return exact, misfit(asked.equations, spots)
+            related = relations(model.description, now, slack, owners, asked.printed.length)
+            for held in (related, related.none()) if related.count else (related,):
+                movable = Movable(asked.part, build, now, weights, search, held)
+                exact = refit(movable, model, begin, spots)
+                if exact is not None and _near(asked, exact):
+                    return exact, misfit(asked.equations, plain)
     return doubt
 
 
-def _doubt(asked: _Question, spot: Settled, rank: int) -> str:
+def _doubt(asked: _Question, spot: Spot) -> str:
+    rank = spot.rank
     names = [asked.printed.closures[i].name for i in asked.part.closures]
     listed = ", ".join(repr(name) for name in names[:4])
     more = f" and {len(names) - 4} more" if len(names) > 4 else ""
     above = f"{spot.values[rank - 1]:.3g} | " if rank else ""
     below = f"{spot.values[rank]:.2g}" if rank < spot.values.size else "0"
+    count = len(asked.part.rows)
     return (
-        f"of the {len(spot.rows)} rows of {listed}{more} hardly more than {rank} are independent "
+        f"of the {count} rows of {listed}{more} hardly more than {rank} are independent "
         f"(singular values {above}{below}). Rounded numbers may look so; but no mechanism in which "
         f"the others depend on these was found within the tolerance of {asked.tolerance:.2g} m, "
         "and the numbers are taken as printed"
@@ -164,28 +172,38 @@ def _near_enough(asked: _Question, alone: Mechanism, q: np.ndarray, rows: np.nda
     return largest(rows) <= asked.share and not flipped_axes(alone, q)
 
 
-def _along(asked: _Question, start: np.ndarray) -> Iterator[tuple[list[Settled], int]]:
-    """Postures along the motions for one rank after the other, from the least that may be."""
+def _searches(
+    asked: _Question, start: np.ndarray
+) -> Iterator[tuple[Search, np.ndarray, Sequence[Spot]]]:
+    """Postures, and how they were looked for from which one (nq,): the least ranks first."""
     equations, share = asked.equations, asked.share
     values, matrix = equations.evaluate(start)
     rank = _independent(matrix, share)
     tried, special = 0, True
     while rank < values.size and rank <= equations.free.size and tried < _RANKS:
-        spots = spread(equations, start, rank, share, POSTURES)
-        if special and len(spots) < POSTURES // 2 and rank < equations.free.size:
-            # closed to the first order in directions in which nothing moves, as where a linkage
-            # lies flat: what it is shows elsewhere
+        along = Along(rank, share)
+        spots = along.spread(equations, start, POSTURES)
+        few = len(spots) < POSTURES // 2 and rank < equations.free.size
+        higher = max((_count(spot, share) for spot in spots), default=rank)
+        if special and (few or higher > rank):
+            # closed to the first order in directions in which nothing moves: perhaps everywhere,
+            # or as where a linkage lies flat, and what it is shows elsewhere
             special = False
-            away = left(equations, start, lambda near: _closed_enough(asked, near), share)
+            around = Around(share)
+            bent = around.spread(equations, start, POSTURES)
+            if len(bent) >= POSTURES // 2:
+                yield around, start, bent
+            away = None
+            if few:
+                away = left(equations, start, lambda near: _closed_enough(asked, near), share)
             if away is not None:
                 start, rank = away, _independent(equations.evaluate(away)[1], share)
                 continue
-        higher = max((_count(spot, share) for spot in spots), default=rank)
         if higher > rank:  # the start is special: elsewhere more rows are independent
             rank = higher
             continue
         if spots:
-            yield spots, rank
+            yield along, start, spots
         rank, tried = rank + 1, tried + 1
 
 
@@ -193,16 +211,16 @@ def _count(spot: Settled, share: float) -> int:
     return int((spot.values > share * spot.size).sum())
 
 
-def _doubtful(spots: Sequence[Settled], rank: int) -> bool:
+def _doubtful(spots: Sequence[Spot]) -> bool:
     """Whether rounding may be at work: rows that stay open, or small singular values."""
-    small = [float(s.values[rank] / s.size) for s in spots if rank < s.values.size]
+    small = [float(s.values[s.rank] / s.size) for s in spots if s.rank < s.values.size]
     return max(small, default=0.0) > RANK_TOLERANCE or max(spot.open for spot in spots) > _DOUBT
 
 
 def _attempts(
     found: Sequence[Number], tolerance: float, length: float
-) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """Weights (n,) and first values (n,) of the numbers: what may move, and from where.
+) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """Weights, first values, and what these may be off, of the numbers, (n,) each.
 
     Angles printed for a multiple of 15 degrees are that first; then every rounded number moves as
     its last digit lets it; then every number.
@@ -211,10 +229,12 @@ def _attempts(
     snapped = np.array([n.meant for n in found])
     units = np.array([n.unit for n in found])
     if (snapped != printed).any():
-        yield np.where(snapped != printed, 0.0, units), snapped
+        steady = np.where(snapped != printed, 0.0, units)
+        yield steady, snapped, steady
     if units.any():
-        yield units, printed
-    yield np.array([tolerance if n.is_length else tolerance / length for n in found]), printed
+        yield units, printed, units
+    every = np.array([tolerance if n.is_length else tolerance / length for n in found])
+    yield every, printed, every / UNITS
 
 
 def _near(asked: _Question, exact: Mechanism) -> bool:

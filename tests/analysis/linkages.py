@@ -358,6 +358,39 @@ def arm_with_parallelogram() -> cc.Mechanism:
     )
 
 
+def sarrus(between: float = math.pi / 2, lean: float = 0.0) -> cc.Mechanism:
+    """A platform on two legs of three parallel hinges: one row is redundant, and it rises.
+
+    ``between`` [rad] are the legs' planes; ``lean`` [rad] is what one hinge is off them.
+    """
+    joints, home = [], {}
+    for leg, (plane, radius, lower, upper) in enumerate(
+        [(0.0, 0.4, 0.31, 0.27), (between, 0.35, 0.24, 0.36)]
+    ):
+        c, s = math.cos(plane), math.sin(plane)
+        axis, leaning = f"{-s!r} {c!r} 0", f"{-s!r} {c!r} {lean!r}"
+        low, high = f"low{leg}", f"high{leg}"
+        joints += [
+            J(f"A{leg}", "base", low, f"{radius * c!r} {radius * s!r} 0", axis),
+            J(f"B{leg}", low, high, f"0 0 {lower}", leaning if leg else axis),
+        ]
+        # the ends of both legs stand 0.42 above and 0.05 outside their feet
+        reach, towards = math.hypot(0.05, 0.42), math.atan2(0.05, 0.42)
+        knee = (lower**2 + reach**2 - upper**2) / (2.0 * lower * reach)
+        first = towards + math.acos(knee)
+        second = math.atan2(0.05 - lower * math.sin(first), 0.42 - lower * math.cos(first))
+        home |= {f"A{leg}": first, f"B{leg}": second - first}
+        if leg == 0:
+            joints.append(J("C0", high, "platform", f"0 0 {upper}", axis))
+            home["C0"] = -second
+        else:
+            place = f"{0.4 * c - 0.45!r} {0.4 * s!r} 0"
+            cut = Cut("C1", high, "platform", f"0 0 {upper}", place, axis=axis, child_axis=axis)
+    return load(
+        "sarrus", joints, [cut], inputs={"q1": "A0"}, home=home, tip="platform", outputs="z"
+    )
+
+
 def lone_arm() -> cc.Mechanism:
     return load(
         "lone_arm",

@@ -13,6 +13,7 @@ import pinocchio as pin
 import point_linkages
 import pytest
 from conftest import Tolerances
+from rounded_checks import check, values
 from rounded_files import rounded_urdf
 
 import closedchain as cc
@@ -192,11 +193,6 @@ def agile_eye() -> cc.Mechanism:
     )
 
 
-def values(m: cc.Mechanism) -> dict[str, tuple[float, ...]]:
-    joints = list(zip(m.model.names, m.model.joints, strict=True))[1:]
-    return {name: tuple(m.home[j.idx_q : j.idx_q + j.nq]) for name, j in joints}
-
-
 QUICK: dict[str, Callable[[], cc.Mechanism]] = {
     "four_bar": linkages.four_bar,
     "six_bar": lambda: linkages.six_bar("A"),
@@ -212,43 +208,10 @@ QUICK: dict[str, Callable[[], cc.Mechanism]] = {
 }
 
 
-def check(exact: cc.Mechanism, decimals: int, seed: int, tol: Tolerances) -> None:
-    """The rounded file is understood, closes, moves as much, and follows its inputs."""
-    text = rounded_urdf(exact.description, decimals, np.random.default_rng(seed), values(exact))
-    m = cc.load_urdf(text, xacro=False)
-    assert not m.home_open, m.notes
-    unit = 10.0**-decimals
-    assert m.rounding is not None
-    assert 0.01 * unit < m.misfit < 100.0 * unit
-    assert max(change.off for change in m.rounding.changed) < 11.0 * unit
-    expected = cc.mobility(exact)
-    found = cc.mobility(m)
-    assert (found.mobility, found.redundant_rows) == (expected.mobility, expected.redundant_rows)
-    assert len(m.rounding.redundant) == expected.redundant_rows
-    assert m.rounding.rank.gap > 50.0
-    assert np.abs(cc.residual(m, m.home)).max() < tol.closure
-    step = 0.05 * m.column_scale[m.input_v]
-    s = cc.direct(m, m.input_values(m.home) + step).raise_if_failed()
-    as_exact = cc.direct(exact, exact.input_values(exact.home) + step).raise_if_failed()
-    # joint values mean the same in both; rounding is amplified by the mechanism, not without bound
-    assert np.abs(joint_values(m, s.q) - joint_values(exact, as_exact.q)).max() < 3e3 * unit
-
-
-def joint_values(m: cc.Mechanism, q: np.ndarray) -> np.ndarray:
-    return np.array([q[j.idx_q] for j in list(m.model.joints)[1:] if j.nq == 1])
-
-
 @pytest.mark.parametrize("decimals", [8, 6, 5])
 @pytest.mark.parametrize("name", QUICK)
 def test_overconstrained_linkages(name: str, decimals: int, tol: Tolerances) -> None:
     check(QUICK[name](), decimals, 7 * decimals, tol)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("decimals", [8, 6, 5])
-@pytest.mark.parametrize("name", ["rpa3t", "linear_delta"])
-def test_overconstrained_robots(name: str, decimals: int, tol: Tolerances) -> None:
-    check(cc.load(name), decimals, decimals, tol)
 
 
 @pytest.mark.parametrize("name", ["d1", "eclipse", "rus6"])
