@@ -153,10 +153,12 @@ class Around:
         clear = not rank or s[rank - 1] > _CLEAR * self._floor(s)
         if not clear or rank == equations.free.size:
             return None
-        if np.linalg.norm(way(equations.mechanism, start, near.q)) < _AWAY:
-            return None
         found = self.settled(equations, near.q, rank)
-        return found if found is not None and found.plain else None
+        if found is None or not found.plain:
+            return None
+        # where branches meet fewer rows are independent than beside: it may have gone back there
+        apart = np.linalg.norm(way(equations.mechanism, start, found.q))
+        return found if apart > _AWAY else None
 
     def _count(self, s: np.ndarray) -> int:
         return int((s > self._floor(s)).sum())

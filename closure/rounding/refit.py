@@ -16,11 +16,11 @@ import numpy as np
 
 from closedchain.closure.equations import Equations
 from closedchain.closure.mechanism import Mechanism
+from closedchain.closure.rounding.attempts import Attempt
 from closedchain.closure.rounding.parts import Part
-from closedchain.closure.rounding.relations import Relations
 from closedchain.closure.rounding.sensitivity import Sensitivity
 from closedchain.urdf.description import Description
-from closedchain.urdf.digits import Number, with_numbers
+from closedchain.urdf.digits import with_numbers
 
 POSTURES = 20
 ROUNDS, STEPS = 4, 25
@@ -94,21 +94,16 @@ class Movable:
     part : Part
     build : callable
         Mechanism, home as stated, of a description.
-    numbers : tuple of Number
-    weights : (n,) array
-        How easily each number moves, such as the unit of its last digit; 0 for those that stay.
+    attempt : Attempt
+        The numbers, how easily each moves, and the relations that are to hold beside the rows.
     search : Search
         How postures are looked for.
-    relations : Relations
-        What is to hold beside the rows.
     """
 
     part: Part
     build: Build
-    numbers: tuple[Number, ...]
-    weights: np.ndarray
+    attempt: Attempt
     search: Search
-    relations: Relations
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,7 +130,7 @@ def refit(
 
     ``spots`` are postures of the ``mechanism``, closed to the tolerance, from ``start`` (nq,).
     """
-    values = np.array([number.value for number in movable.numbers])
+    values = np.array([number.value for number in movable.attempt.numbers])
     search = movable.search
     for seed in range(1, ROUNDS + 1):
         found = _descended(movable, mechanism, values, spots)
@@ -163,8 +158,8 @@ def _descended(
     That keeps it quadratic although the numbers that fit are many, and some of the directions that
     should not matter do, by a little, until all fits.
     """
-    moving = np.flatnonzero(movable.weights > 0.0)
-    scale = movable.weights[moving] / movable.weights.max(initial=0.0)
+    moving = np.flatnonzero(movable.attempt.weights > 0.0)
+    scale = movable.attempt.weights[moving] / movable.attempt.weights.max(initial=0.0)
     here = _state(movable, mechanism, values, spots)
     if here is None:
         return None
@@ -187,9 +182,9 @@ def _descended(
 
 def _step(movable: Movable, here: _State, scale: np.ndarray, damping: float) -> np.ndarray:
     """Damped least change (m,) of the moving numbers that closes what is left open."""
-    moving = np.flatnonzero(movable.weights > 0.0)
+    moving = np.flatnonzero(movable.attempt.weights > 0.0)
     by_number = Sensitivity(
-        movable.part.alone(here.mechanism), [movable.numbers[i] for i in moving]
+        movable.part.alone(here.mechanism), [movable.attempt.numbers[i] for i in moving]
     )
     related, slopes = here.related
     left = np.concatenate([related, *(spot.left for spot in here.spots)])
@@ -206,7 +201,7 @@ def _step(movable: Movable, here: _State, scale: np.ndarray, damping: float) -> 
 
 
 def _moved(movable: Movable, here: _State, values: np.ndarray) -> _State | None:
-    described = with_numbers(here.mechanism.description, movable.numbers, values)
+    described = with_numbers(here.mechanism.description, movable.attempt.numbers, values)
     return _state(movable, movable.build(described), values, here.spots)
 
 
@@ -219,7 +214,7 @@ def _state(
     found = [spot for spot in tried if spot is not None]
     if len(found) <= MOST * len(spots):
         return None
-    return _State(mechanism, values, found, movable.relations.at(mechanism.description))
+    return _State(mechanism, values, found, movable.attempt.relations.at(mechanism.description))
 
 
 def _worst(spots: Sequence[Spot]) -> float:

@@ -20,6 +20,7 @@ from closedchain.urdf.description import Description
 from closedchain.urdf.digits import Number
 
 _IMAGINARY = 1e-20  # step of a derivative by complex numbers
+_CROSSING = 0.1  # sine from which on two axes cross clearly enough to say whether they meet
 _ROUNDING = 1e-12  # of relations between numbers that are printed in full
 
 Pair = tuple[int, int]
@@ -165,10 +166,15 @@ def relations(
     found = lines(description, axes, numbers)
     parallel = bare.held(PARALLEL, every, found, slack)
     crossing = [pair for pair in every if pair not in set(parallel)]
+    clearly = [
+        (i, j)
+        for i, j in crossing
+        if np.linalg.norm(np.cross(found[i].line[3:], found[j].line[3:])) > _CROSSING
+    ]
     pairs = {
         PARALLEL: parallel,
         ONE: bare.held(ONE, parallel, found, slack),
         AT_RIGHT_ANGLES: bare.held(AT_RIGHT_ANGLES, crossing, found, slack),
-        MEETING: bare.held(MEETING, crossing, found, slack),
+        MEETING: bare.held(MEETING, clearly, found, slack),
     }
     return replace(bare, pairs=pairs)

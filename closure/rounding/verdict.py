@@ -8,7 +8,7 @@ as they stand, with ranks that leave no doubt, are never touched.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -17,18 +17,18 @@ from closedchain.closure.constraints import flipped_axes
 from closedchain.closure.equations import Equations
 from closedchain.closure.mechanism import Mechanism
 from closedchain.closure.ranks import RANK_TOLERANCE
+from closedchain.closure.rounding.attempts import attempts
 from closedchain.closure.rounding.bending import Around
 from closedchain.closure.rounding.misfit import Misfit, misfit
 from closedchain.closure.rounding.parts import Part, parts_of
 from closedchain.closure.rounding.refit import POSTURES, Build, Movable, Search, Spot, refit
-from closedchain.closure.rounding.relations import relations
 from closedchain.closure.rounding.report import Change, Rounding, together
 from closedchain.closure.rounding.settling import Along, Settled
 from closedchain.closure.solve.descend import Descent, descend
 from closedchain.closure.solve.leaving import left
 from closedchain.closure.solve.newton import largest
 from closedchain.closure.solve.starts import scattered, turned
-from closedchain.urdf.digits import UNITS, Number, default_tolerance, numbers, with_numbers
+from closedchain.urdf.digits import default_tolerance, numbers
 
 NONE = 1e-11
 """Tolerance [m] below which numbers are printed in full."""
@@ -113,18 +113,12 @@ def _of_part(
         doubt = doubt or _doubt(asked, plain[0])
         if len(spots) == 1 and rank < asked.equations.free.size:
             continue  # the motions that this rank promises lead nowhere
-        for weights, values, slack in _attempts(found, asked.tolerance, asked.printed.length):
-            model = build(with_numbers(before.description, found, values))
-            now = tuple(
-                replace(n, value=float(v), meant=float(v))
-                for n, v in zip(found, values, strict=True)
-            )
-            related = relations(model.description, now, slack, owners, asked.printed.length)
-            for held in (related, related.none()) if related.count else (related,):
-                movable = Movable(asked.part, build, now, weights, search, held)
-                exact = refit(movable, model, begin, spots)
-                if exact is not None and _near(asked, exact):
-                    return exact, misfit(asked.equations, plain)
+        length = asked.printed.length
+        for attempt in attempts(before.description, found, asked.tolerance, length, owners):
+            movable = Movable(asked.part, build, attempt, search)
+            exact = refit(movable, build(attempt.description), begin, spots)
+            if exact is not None and _near(asked, exact):
+                return exact, misfit(asked.equations, plain)
     return doubt
 
 
@@ -215,26 +209,6 @@ def _doubtful(spots: Sequence[Spot]) -> bool:
     """Whether rounding may be at work: rows that stay open, or small singular values."""
     small = [float(s.values[s.rank] / s.size) for s in spots if s.rank < s.values.size]
     return max(small, default=0.0) > RANK_TOLERANCE or max(spot.open for spot in spots) > _DOUBT
-
-
-def _attempts(
-    found: Sequence[Number], tolerance: float, length: float
-) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
-    """Weights, first values, and what these may be off, of the numbers, (n,) each.
-
-    Angles printed for a multiple of 15 degrees are that first; then every rounded number moves as
-    its last digit lets it; then every number.
-    """
-    printed = np.array([n.value for n in found])
-    snapped = np.array([n.meant for n in found])
-    units = np.array([n.unit for n in found])
-    if (snapped != printed).any():
-        steady = np.where(snapped != printed, 0.0, units)
-        yield steady, snapped, steady
-    if units.any():
-        yield units, printed, units
-    every = np.array([tolerance if n.is_length else tolerance / length for n in found])
-    yield every, printed, every / UNITS
 
 
 def _near(asked: _Question, exact: Mechanism) -> bool:
