@@ -22,6 +22,8 @@ class Attempt:
         With the values that they begin with.
     weights : (n,) array
         How easily each moves, such as the unit of its last digit; 0 for those that stay.
+    reach : (n,) array
+        How far each may move.
     description : Description
         With these values.
     relations : Relations
@@ -30,6 +32,7 @@ class Attempt:
 
     numbers: tuple[Number, ...]
     weights: np.ndarray
+    reach: np.ndarray
     description: Description
     relations: Relations
 
@@ -65,7 +68,7 @@ def attempts(
         )
         described = with_numbers(description, numbers, values)
         held = relations(described, now, slack, owners, length)
-        return Attempt(now, weights, described, held)
+        return Attempt(now, weights, every, described, held)
 
     rounded = []
     if (snapped != printed).any():

@@ -96,10 +96,16 @@ class Bent:
 class Around:
     """How postures are looked for where several branches meet, or hold to the second order.
 
-    ``tolerance`` is what rounding may leave open, dimensionless.
+    Attributes
+    ----------
+    tolerance : float
+        Dimensionless size of what rounding may leave open.
+    noise : float
+        What derivatives by numbers may be off, which are differences.
     """
 
     tolerance: float
+    noise: float = 1e-8
 
     @property
     def bent(self) -> float:

@@ -76,6 +76,10 @@ class Search(Protocol):
     def tolerance(self) -> float:
         """Dimensionless size of what rounding may leave open."""
 
+    @property
+    def noise(self) -> float:
+        """What derivatives by numbers may be off."""
+
     def settled(self, equations: Equations, q: np.ndarray, rank: int) -> Spot | None:
         """The one near ``q`` (nq,)."""
 
@@ -167,7 +171,7 @@ def _descended(
     for _ in range(STEPS):
         if here.worst < EXACT or not moving.size or stalled >= ENOUGH:
             break
-        step = _step(movable, here, scale, DAMPING * size)
+        step = _step(movable, here, scale, max(DAMPING * size, movable.search.noise))
         tried = here.values.copy()
         tried[moving] -= scale * step
         there = _moved(movable, here, tried)
@@ -201,6 +205,10 @@ def _step(movable: Movable, here: _State, scale: np.ndarray, damping: float) -> 
 
 
 def _moved(movable: Movable, here: _State, values: np.ndarray) -> _State | None:
+    """The mechanism with other values; None where one is out of reach or postures are lost."""
+    begun = np.array([number.value for number in movable.attempt.numbers])
+    if (np.abs(values - begun) > movable.attempt.reach).any():
+        return None
     described = with_numbers(here.mechanism.description, movable.attempt.numbers, values)
     return _state(movable, movable.build(described), values, here.spots)
 

@@ -76,10 +76,13 @@ class Along:
         Independent rows.
     tolerance : float
         Dimensionless size of what rounding may leave open.
+    noise : float
+        What derivatives by numbers may be off.
     """
 
     rank: int
     tolerance: float
+    noise: float = 1e-14
 
     def settled(self, equations: Equations, q: np.ndarray, rank: int) -> Settled | None:
         """The posture near ``q`` (nq,) with so many directions closed; None if there is none."""

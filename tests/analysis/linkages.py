@@ -391,6 +391,19 @@ def sarrus(between: float = math.pi / 2, lean: float = 0.0) -> cc.Mechanism:
     )
 
 
+def bricard() -> cc.Mechanism:
+    """A ring of six equal links, with each hinge at right angles to the next."""
+    turns = [math.pi / 2, -math.pi / 2] * 3
+    joints = [J("R0", "base", "link0")]
+    for i in range(1, 6):
+        rpy = f"{turns[i - 1]!r} 0 0"
+        joints.append(J(f"R{i}", f"link{i - 1}", f"link{i}", "0.2 0 0", rpy=rpy))
+    joints.append(J("end", "link5", "tip", "0.2 0 0", rpy=f"{turns[5]!r} 0 0", type="fixed"))
+    home = {f"R{i}": (1.0, -1.929196796)[i % 2] for i in range(6)}
+    cut = Cut("weld", "base", "tip", type="fixed")
+    return load("bricard", joints, [cut], inputs={"q1": "R0"}, home=home, tip="link2")
+
+
 def lone_arm() -> cc.Mechanism:
     return load(
         "lone_arm",
