@@ -170,6 +170,17 @@ class Coupling:
         return f"{self.name!r} ({of} of joint {self.follower} to {self.leaders[0]})"
 
 
+def slices_of(closures: Sequence[Closure | Coupling]) -> tuple[slice, ...]:
+    """Rows of each closure among those of all."""
+    ends = np.cumsum([closure.rows for closure in closures])
+    return tuple(slice(int(end) - c.rows, int(end)) for end, c in zip(ends, closures, strict=True))
+
+
+def lengths_among(closures: Sequence[Closure | Coupling]) -> np.ndarray:
+    """Which rows of all closures are lengths, (rows,) of bool; the others are angles."""
+    return np.array([one for closure in closures for one in closure.translational], dtype=bool)
+
+
 def _horner(coefficients: Sequence[float], x: Scalar) -> Scalar:
     total: Scalar = coefficients[-1] if coefficients else 0.0
     for c in reversed(coefficients[:-1]):

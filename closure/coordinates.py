@@ -9,6 +9,7 @@ import pinocchio as pin
 
 from closedchain.closure.joint_kinds import TREE_KINDS
 from closedchain.urdf.description import Description
+from closedchain.urdf.errors import ClosureError
 
 
 def joints_of_inputs(
@@ -44,3 +45,18 @@ def limits_of(model: pin.Model) -> tuple[np.ndarray, np.ndarray]:
             lower[joint.idx_q] = model.lowerPositionLimit[joint.idx_q]
             upper[joint.idx_q] = model.upperPositionLimit[joint.idx_q]
     return lower, upper
+
+
+def required_inputs(inputs: tuple[str, ...], name: str) -> tuple[str, ...]:
+    """Inputs of a mechanism called ``name``. Raises ``ClosureError`` where it has none."""
+    if not inputs:
+        raise ClosureError(
+            f"mechanism {name!r} has no inputs: add "
+            '<transmission name="..."><joint name="..."/></transmission> for each to its URDF'
+        )
+    return inputs
+
+
+def bodies_of(model: pin.Model) -> dict[str, int]:
+    """Pinocchio frame of every link and named point."""
+    return {f.name: i for i, f in enumerate(model.frames) if f.type == pin.FrameType.BODY}

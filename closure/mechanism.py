@@ -13,11 +13,13 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from closedchain.closure.closures import Closure, Coupling
+from closedchain.closure.closures import Closure, Coupling, lengths_among, slices_of
 from closedchain.closure.configurations import Layout, layout_of
 from closedchain.closure.coordinates import (
+    bodies_of,
     joints_of_inputs,
     limits_of,
+    required_inputs,
     translations_of,
     units_of_inputs,
 )
@@ -25,7 +27,7 @@ from closedchain.closure.given import LARGEST_NUMBER, finite_rows, finite_vector
 from closedchain.closure.rigid_constraints import rigid_constraints
 from closedchain.closure.showing import registered
 from closedchain.closure.solve.control import CLOSED
-from closedchain.closure.task_frame import TaskFrame, chosen_outputs
+from closedchain.closure.task_frame import TaskFrame, chosen_outputs, required_task
 from closedchain.closure.workspace import Workspace
 from closedchain.urdf.description import Description, ParameterValue
 from closedchain.urdf.errors import ClosureError, known_names
@@ -129,10 +131,7 @@ class Mechanism:
     @cached_property
     def row_slices(self) -> tuple[slice, ...]:
         """Rows of each closure in the residual."""
-        ends = np.cumsum([closure.rows for closure in self.closures])
-        return tuple(
-            slice(int(end) - c.rows, int(end)) for end, c in zip(ends, self.closures, strict=True)
-        )
+        return slices_of(self.closures)
 
     @cached_property
     def _input_joints(self) -> tuple[int, ...]:
@@ -171,10 +170,7 @@ class Mechanism:
     @cached_property
     def row_scale(self) -> np.ndarray:
         """Unit of each closure row, (rows,): ``length`` for lengths, 1 for angles."""
-        if not self.closures:
-            return np.zeros(0)
-        lengths = np.concatenate([closure.translational for closure in self.closures])
-        return np.where(lengths, self.length, 1.0)
+        return np.where(lengths_among(self.closures), self.length, 1.0)
 
     @cached_property
     def passive_scaling(self) -> np.ndarray:
@@ -311,8 +307,7 @@ class Mechanism:
     @cached_property
     def frame_ids(self) -> dict[str, int]:
         """Pinocchio frame of every link and named point."""
-        frames = enumerate(self.model.frames)
-        return {f.name: i for i, f in frames if f.type == pin.FrameType.BODY}
+        return bodies_of(self.model)
 
     def frame_id(self, name: str) -> int:
         """Pinocchio frame id of a link or named point. Raises ``ClosureError`` if unknown."""
@@ -344,21 +339,11 @@ class Mechanism:
 
     def required_task(self) -> TaskFrame:
         """Return the task, or raise ``ClosureError`` where the description states none."""
-        if self.task is None:
-            raise ClosureError(
-                f"mechanism {self.name!r} has no task: add "
-                '<task base="..." tip="..." outputs="x y z rx ry rz"/> to its URDF'
-            )
-        return self.task
+        return required_task(self.task, self.name)
 
     def required_inputs(self) -> tuple[str, ...]:
         """Return the inputs, or raise ``ClosureError`` where the description states none."""
-        if not self.inputs:
-            raise ClosureError(
-                f"mechanism {self.name!r} has no inputs: add "
-                '<transmission name="..."><joint name="..."/></transmission> for each to its URDF'
-            )
-        return self.inputs
+        return required_inputs(self.inputs, self.name)
 
     def outputs(self, outputs: str | tuple[str, ...] | list[str] | None = None) -> tuple[str, ...]:
         """Outputs of a task: those of the description, or a choice such as "x y z rx rz".

@@ -37,3 +37,13 @@ def chosen_outputs(outputs: str | tuple[str, ...] | list[str]) -> tuple[str, ...
     if not names or len(set(names)) < len(names):
         raise ClosureError(f"outputs must be distinct and at least one of {' '.join(OUTPUTS)}")
     return tuple(sorted(names, key=OUTPUTS.index))
+
+
+def required_task(task: TaskFrame | None, name: str) -> TaskFrame:
+    """The task of a mechanism called ``name``. Raises ``ClosureError`` where it has none."""
+    if task is None:
+        raise ClosureError(
+            f"mechanism {name!r} has no task: add "
+            '<task base="..." tip="..." outputs="x y z rx ry rz"/> to its URDF'
+        )
+    return task

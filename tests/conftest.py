@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -53,6 +54,31 @@ def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
 
     with Browser(tmp_path_factory.mktemp("browser")) as one:
         yield one
+
+
+# -- folders of saved maps, to be copied ---------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def stopped(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A map's store that is not complete."""
+    from stored_maps import stopped_in
+
+    return stopped_in(tmp_path_factory.mktemp("stopped"))
+
+
+@pytest.fixture(scope="module")
+def ready(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A map's complete store."""
+    from stored_maps import complete_in
+
+    return complete_in(tmp_path_factory.mktemp("ready"))
+
+
+@pytest.fixture
+def store(stopped: Path, tmp_path: Path) -> Path:
+    """A store of a test's own that is not complete."""
+    return Path(shutil.copytree(stopped, tmp_path / "map.zarr"))
 
 
 @pytest.fixture(scope="session")

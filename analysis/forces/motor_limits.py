@@ -10,7 +10,7 @@ TOGGLE = 1e-6  # distance from a toggle below which no inverse of J is worth hav
 def effort_limits(jacobian: np.ndarray, limits: np.ndarray) -> np.ndarray:
     """Least and largest effort (..., 2, k) of single joints for motor limits (2, k), J regular."""
     k = jacobian.shape[-1]
-    # motor efforts for a unit effort of each joint: the columns of J^-T
+    # motor efforts for a unit effort of each joint: J^-T itself; callers keep off toggles
     needed = np.linalg.inv(jacobian).swapaxes(-1, -2)
     with np.errstate(divide="ignore"):
         up = np.where(needed > 0.0, limits[1][:, None], limits[0][:, None]) / needed

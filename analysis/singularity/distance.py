@@ -97,7 +97,7 @@ class Place:
         """W (nv, nv) with |P W y| = |y|, but for motions that no joint rate sees."""
         gram = self.rates.T @ self.rates
         lower = np.linalg.cholesky(gram + FLOATING * np.eye(len(gram)))
-        return np.asarray(np.linalg.inv(lower).T)
+        return np.asarray(np.linalg.solve(lower.T, np.eye(len(lower))))
 
 
 def nearest_singular(place: Place, measure: Measure, rank: int, lost: int) -> Nearest:

@@ -14,7 +14,7 @@ from closedchain.closure.given import one_number, whole_number
 from closedchain.closure.mechanism import Mechanism
 from closedchain.closure.modes.agreement import together
 from closedchain.closure.modes.assembling import result_of
-from closedchain.closure.modes.counting import kept_on_disk
+from closedchain.closure.modes.counting import are_kept
 from closedchain.closure.modes.dimension import dimensions
 from closedchain.closure.modes.question import Question, question_of
 from closedchain.closure.modes.result import Family, Postures
@@ -102,7 +102,7 @@ def postures(
     if count and turns_that_count(mechanism):
         notes.append("Relations of its joints count whole turns: its solutions are only searched.")
         count = False
-    early = count and kept_on_disk(question.problem)
+    early = count and are_kept(question.problem)
     if early:
         whole = counted_in_time(question, asked, notes)
         # what was counted is all there is: a few starts then check it

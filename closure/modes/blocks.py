@@ -13,7 +13,7 @@ import numpy as np
 
 from closedchain.closure.modes.complex_equations import ComplexEquations
 from closedchain.closure.modes.path_control import BOUND
-from closedchain.closure.modes.paths import Paths
+from closedchain.closure.modes.paths import Followed
 from closedchain.closure.modes.places import random_place, random_postures
 from closedchain.closure.modes.systems import (
     Linear,
@@ -35,7 +35,7 @@ TRIED, TRIALS, SETTLED = 24, 40, 1e-8
 
 
 @dataclass(frozen=True, eq=False)
-class Block:
+class Block(Followed):
     """Rows and unknowns of the equations that are solved together, the others held.
 
     ``rows`` are positions among the kept rows, ``columns`` among the unknowns, as many; ``own`` are
@@ -61,19 +61,8 @@ class Block:
         return self.equations.moved(q, whole)
 
     @cached_property
-    def paths(self) -> Paths:
-        """What follows solutions of the block."""
-        return Paths(self.system)
-
-    @cached_property
     def system(self) -> System:
-        """The block's equations for paths.
-
-        Raises
-        ------
-        ArithmeticError
-            The rows are dependent at the samples.
-        """
+        """The block's equations for paths."""
         problem = self.equations.problem
         g, nq = Graph(), problem.mechanism.model.nq
         k = Kinematics(problem.mechanism, g, g.inputs(0, nq), upright=False)

@@ -112,7 +112,7 @@ def _contracts(proving: Proving, q: np.ndarray, targets: np.ndarray, r: float) -
     n, size = len(q), len(proving.problem.free)
     jacobian = proving.middle(q, targets)
     inverse = np.full_like(jacobian, np.nan)
-    for i in range(n):
+    for i in range(n):  # C need not be accurate: what it leaves is bounded below
         try:
             inverse[i] = np.linalg.inv(jacobian[i])
         except np.linalg.LinAlgError:

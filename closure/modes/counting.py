@@ -156,9 +156,8 @@ def _route(
 def _generic(
     block: Block, shapes: Shapes, number: int, report: Callable[[str, int], None] | None
 ) -> Generic:
-    """Generic solutions of a block: from disk where they are known."""
-    name = _name(block, number)
-    kept = _read(name, block)
+    """Generic solutions of a block, number so and so: those that are kept where there are any."""
+    kept = _kept(block, number)
     if kept is not None:
         return kept
 
@@ -175,14 +174,28 @@ def _generic(
         q=found.q,
         numbers=np.array([found.points, found.hits, found.known]),
     )
-    cache.write(name, file.getvalue())
+    cache.write(_name(block, number), file.getvalue())
     return found
 
 
-def kept_on_disk(problem: Problem) -> bool:
+def are_kept(problem: Problem) -> bool:
     """Whether the generic solutions of all blocks are known, so that counting is quick."""
     blocks = blocks_of(equations_of(problem))
-    return all(_read(_name(block, i), block) is not None for i, block in enumerate(blocks))
+    return all(_kept(block, i) is not None for i, block in enumerate(blocks))
+
+
+def _kept(block: Block, number: int) -> Generic | None:
+    """Generic solutions of a block on disk, read once for a mechanism."""
+    problem = block.equations.problem
+    known = problem.mechanism.known
+    key = "modes.generic", problem.pinned, problem.goals, number
+    if key not in known:
+        found = _read(_name(block, number), block)
+        if found is None:
+            return None
+        known[key] = found
+    kept: Generic = known[key]
+    return kept
 
 
 def _name(block: Block, number: int) -> str:

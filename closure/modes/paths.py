@@ -6,6 +6,7 @@ values, where with probability one nothing is singular before the end.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -152,6 +153,20 @@ class Paths:
         told = [parted(q[:, own].T), parted(moved[:, own].T), sizes(system.relative, q, step)[None]]
         numbers = np.nan_to_num(np.concatenate(told), nan=np.inf)
         return outputs(self._tapes.judge_tape, np.concatenate([state, numbers]))[:-1]
+
+
+class Followed(ABC):
+    """What has a system of equations, whose solutions are followed."""
+
+    @cached_property
+    @abstractmethod
+    def system(self) -> System:
+        """Its equations. Raises ``ArithmeticError`` where they depend on each other everywhere."""
+
+    @cached_property
+    def paths(self) -> Paths:
+        """What follows its solutions."""
+        return Paths(self.system)
 
 
 def _rows(numbers: np.ndarray, n: int) -> np.ndarray:

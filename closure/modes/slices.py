@@ -17,7 +17,7 @@ import numpy as np
 
 from closedchain.closure.closures import Closure
 from closedchain.closure.modes.blocks import Block
-from closedchain.closure.modes.paths import Paths
+from closedchain.closure.modes.paths import Followed
 from closedchain.closure.modes.places import Place
 from closedchain.closure.modes.shapes import numbers_of_shapes
 from closedchain.closure.modes.systems import Linear, System, solved
@@ -39,7 +39,7 @@ SAMPLES = 8
 
 
 @dataclass(frozen=True, eq=False)
-class Slices:
+class Slices(Followed):
     """The equations of a block with z beside its unknowns, and one more: (z - z0) (y - c) = s.
 
     A posture is that of the mechanism with z behind. What is prescribed (``targets`` of a place):
@@ -157,19 +157,8 @@ class Slices:
         ]
 
     @cached_property
-    def paths(self) -> Paths:
-        """What follows points of slices."""
-        return Paths(self.system)
-
-    @cached_property
     def system(self) -> System:
-        """The equations for paths.
-
-        Raises
-        ------
-        ArithmeticError
-            The equations are dependent wherever they were looked at.
-        """
+        """The equations for paths."""
         g, k = self._graph
         nq, lines = self.block.equations.problem.mechanism.model.nq, self._lines
         z = g.input(nq)

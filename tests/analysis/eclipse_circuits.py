@@ -7,7 +7,7 @@ paper's error E = T_leg T_virtual^-1 (eqs 12-15). Each leg gets a virtual chain 
 from __future__ import annotations
 
 import numpy as np
-from linkages import Cut, J, urdf
+from linkage_text import Cut, J, urdf
 
 import closedchain as cc
 from closedchain.robots.eclipse import ECLIPSE, Geometry, trajectory

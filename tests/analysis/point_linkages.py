@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from linkages import Cut, J, Tie, load
+from linkage_text import Cut, J, Tie, load
 
 import closedchain as cc
 

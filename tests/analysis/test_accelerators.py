@@ -6,12 +6,13 @@ from collections.abc import Callable
 from functools import cache
 from itertools import pairwise
 
+import linkage_text
 import linkages
 import numpy as np
 import pinocchio as pin
 import pytest
 from conftest import Tolerances, assert_close
-from linkages import Cut, J
+from linkage_text import Cut, J
 
 import closedchain as cc
 from closedchain.analysis.screws import from_motion, lie, revolute
@@ -60,7 +61,7 @@ def hybrid(first: Cut, second: Cut, *, rocker: int = 1) -> cc.Mechanism:
         joints[1] = J("R2", "base", "arm", "0.35 0 0", axis="1 0 0")
         joints.insert(2, J("R3", "arm", "rocker", "0.02 0 0", axis="0 0 1"))
     home = {"R1": 0.7, "pose": "0.08 0.06 0 0 0 0 1"}
-    return linkages.load(
+    return linkage_text.load(
         "hybrid", joints, [first, second], inputs={"q1": "R1"}, home=home, tip="rod"
     )
 

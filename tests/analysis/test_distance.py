@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+import linkage_text
 import linkages
 import numpy as np
 import pinocchio as pin
@@ -225,15 +226,15 @@ def ladder(stages: int) -> cc.Mechanism:
     for i in range(stages):
         at = "0.3 0 0" if i else "0 0 0"
         joints += [
-            linkages.J(f"A{i}", below, f"crank{i}", at),
-            linkages.J(f"B{i}", f"crank{i}", f"bar{i}", "0.1 0 0"),
-            linkages.J(f"D{i}", below, f"rocker{i}", "0.3 0.4 0" if i else "0 0.4 0"),
+            linkage_text.J(f"A{i}", below, f"crank{i}", at),
+            linkage_text.J(f"B{i}", f"crank{i}", f"bar{i}", "0.1 0 0"),
+            linkage_text.J(f"D{i}", below, f"rocker{i}", "0.3 0.4 0" if i else "0 0.4 0"),
         ]
-        cuts.append(linkages.Cut(f"C{i}", f"bar{i}", f"rocker{i}", "0 0.4 0", "0.1 0 0"))
+        cuts.append(linkage_text.Cut(f"C{i}", f"bar{i}", f"rocker{i}", "0 0.4 0", "0.1 0 0"))
         below = f"bar{i}"
     home = {j.name: -0.3 if j.name[0] == "B" else 0.3 for j in joints}
     inputs = {f"q{i}": f"A{i}" for i in range(stages)}
-    return linkages.load(
+    return linkage_text.load(
         "ladder", joints, cuts, inputs=inputs, home=home, tip=below, outputs="x y rz"
     )
 

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import linkages
+import linkage_text
 import numpy as np
 import pytest
 from conftest import Tolerances
-from linkages import Cut, J
+from linkage_text import Cut, J
 from rounded_files import rounded_urdf
 
 import closedchain as cc
@@ -24,7 +24,7 @@ def side_by_side(
     cuts = []
     for i in range(1, count + 1):
         joints.append(J(f"{prefix}D{i}", base, f"{prefix}crank{i}", f"{0.4 * i!r} 0 0"))
-        axis = "0 1 0" if kind == "universal" else linkages.Z
+        axis = "0 1 0" if kind == "universal" else linkage_text.Z
         ends = (f"{prefix}bar", f"{prefix}crank{i}", f"{0.4 * i!r} 0 0", "0.1 0 0")
         cuts.append(Cut(f"{prefix}C{i}", *ends, type=kind, child_axis=axis))
     return joints, cuts
@@ -32,7 +32,7 @@ def side_by_side(
 
 def flat(count: int, kind: ClosureType = "revolute") -> cc.Mechanism:
     joints, cuts = side_by_side(count, kind=kind)
-    return linkages.load("flat", joints, cuts, inputs={"q1": "A"}, tip="bar", outputs="y")
+    return linkage_text.load("flat", joints, cuts, inputs={"q1": "A"}, tip="bar", outputs="y")
 
 
 @pytest.mark.parametrize("count", [1, 2, 3, 4])
@@ -53,7 +53,7 @@ def test_parallelograms_side_by_side_have_one_freedom(count: int) -> None:
 def test_a_flat_part_among_others() -> None:
     """On a slide, under a wrist: what moves freely beside it does not hide that it lies flat."""
     joints, cuts = side_by_side(2, base="carriage")
-    m = linkages.load(
+    m = linkage_text.load(
         "carried",
         [
             J("S", "base", "carriage", type="prismatic"),
@@ -72,7 +72,7 @@ def test_a_flat_part_among_others() -> None:
 def test_a_flat_linkage_on_another() -> None:
     """Either may open alone, and only where both have is the rank that of the mechanism."""
     lower, upper = side_by_side(2, "a"), side_by_side(2, "b", "abar")
-    m = linkages.load(
+    m = linkage_text.load(
         "stacked",
         lower[0] + upper[0],
         lower[1] + upper[1],
@@ -86,7 +86,7 @@ def test_a_flat_linkage_on_another() -> None:
 
 def test_an_isolated_posture_is_judged_beside_itself() -> None:
     """Two bars stretched between two feet: nothing moves, and any other sizes would make it."""
-    m = linkages.load(
+    m = linkage_text.load(
         "stretched",
         [
             J("A", "base", "one"),
@@ -142,7 +142,7 @@ def test_rigid_loops_are_named_and_not_taken_for_rounded() -> None:
         J("D", "base", "rocker", "0.4 0 0"),
     ]
     cut = Cut("C", "coupler", "rocker", "0.35 0 0", "0.32 0 0", type="spherical")
-    text = linkages.urdf("held", joints, [cut], home={"A": 1.1, "B": -0.8, "D": 1.7})
+    text = linkage_text.urdf("held", joints, [cut], home={"A": 1.1, "B": -0.8, "D": 1.7})
     m = cc.load_urdf(text, xacro=False)
     assert not m.home_open
     found = cc.mobility(m)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
+import linkage_text
 import linkages
 import numpy as np
 import pinocchio as pin
@@ -219,7 +220,9 @@ def test_a_rod_is_what_remains_of_a_body_between_two_balls() -> None:
 def test_a_floating_body_counts_only_where_nothing_else_sees_it() -> None:
     platform = linkages.three_rrr()
     assert physical_rates(platform, platform.home).shape == (6 + 3 * 3, platform.model.nv)
-    free = linkages.load("free", [linkages.J("pose", "base", "body", type="floating")], tip="body")
+    free = linkage_text.load(
+        "free", [linkage_text.J("pose", "base", "body", type="floating")], tip="body"
+    )
     assert_close(physical_rates(free, free.home), np.eye(6), 0.0)
 
 

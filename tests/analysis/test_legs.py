@@ -7,7 +7,8 @@ from functools import cache
 import numpy as np
 import pytest
 from conftest import assert_close
-from linkages import J, arm_with_parallelogram, five_bar, four_bar, three_rrr, urdf
+from linkage_text import J, urdf
+from linkages import arm_with_parallelogram, five_bar, four_bar, three_rrr
 
 import closedchain as cc
 from closedchain.analysis import screws

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from linkages import Cut, J, load
+from linkage_text import Cut, J, load
 
 import closedchain as cc
 

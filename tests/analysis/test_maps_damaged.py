@@ -8,29 +8,11 @@ from pathlib import Path
 
 import pytest
 import xarray as xr
-from stored_maps import ask, complete_in, stopped_in, whole
+from stored_maps import ask, whole
 
 import closedchain as cc
 
 HOW = ("truncated", "flipped", "emptied", "deleted")
-
-
-@pytest.fixture(scope="module")
-def stopped(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A store that is not complete; to be copied."""
-    return stopped_in(tmp_path_factory.mktemp("stopped"))
-
-
-@pytest.fixture(scope="module")
-def ready(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A complete store; to be copied."""
-    return complete_in(tmp_path_factory.mktemp("ready"))
-
-
-@pytest.fixture
-def store(stopped: Path, tmp_path: Path) -> Path:
-    """A store of one's own that is not complete."""
-    return Path(shutil.copytree(stopped, tmp_path / "map.zarr"))
 
 
 def damage(path: Path, how: str, chance: random.Random) -> None:

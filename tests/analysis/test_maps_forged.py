@@ -11,28 +11,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from stored_maps import ask, complete_in, stopped_in
+from stored_maps import ask
 
 import closedchain as cc
 from closedchain.analysis.singularity.maps.folder import read_whole, write_whole
-
-
-@pytest.fixture(scope="module")
-def stopped(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A store that is not complete; to be copied."""
-    return stopped_in(tmp_path_factory.mktemp("stopped"))
-
-
-@pytest.fixture(scope="module")
-def ready(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A complete store; to be copied."""
-    return complete_in(tmp_path_factory.mktemp("ready"))
-
-
-@pytest.fixture
-def store(stopped: Path, tmp_path: Path) -> Path:
-    """A store of one's own that is not complete."""
-    return Path(shutil.copytree(stopped, tmp_path / "map.zarr"))
 
 
 @pytest.mark.parametrize("inner", ["journal", "status", "journal/sums", "status/c", "q/zarr.json"])

@@ -18,29 +18,11 @@ from typing import Any
 import pytest
 import xarray as xr
 from delta_maps import Stopped, program
-from stored_maps import CELLS, ask, complete_in, stopped_in, whole
+from stored_maps import CELLS, ask, whole
 
 import closedchain as cc
 from closedchain.analysis.singularity.maps import journal_folder, saving
 from closedchain.analysis.singularity.maps.folder import held
-
-
-@pytest.fixture(scope="module")
-def stopped(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A store that is not complete; to be copied."""
-    return stopped_in(tmp_path_factory.mktemp("stopped"))
-
-
-@pytest.fixture(scope="module")
-def ready(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A complete store; to be copied."""
-    return complete_in(tmp_path_factory.mktemp("ready"))
-
-
-@pytest.fixture
-def store(stopped: Path, tmp_path: Path) -> Path:
-    """A store of one's own that is not complete."""
-    return Path(shutil.copytree(stopped, tmp_path / "map.zarr"))
 
 
 def test_it_goes_on_from_a_copy(store: Path) -> None:

@@ -7,6 +7,7 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 
+import linkage_text
 import linkages
 import numpy as np
 import pinocchio as pin
@@ -133,14 +134,14 @@ def spherical_four_bar() -> cc.Mechanism:
     arcs = [math.radians(x) for x in (40.0, 70.0, 60.0, 80.0)]
     one = 1.0
     joints = [
-        linkages.J("A", "base", "crank"),
-        linkages.J("B", "crank", "coupler", rpy=f"{arcs[0]!r} 0 0"),
-        linkages.J("D", "base", "rocker", rpy=f"{arcs[3]!r} 0 0"),
-        linkages.J("b", "coupler", "b_end", rpy=f"{arcs[1]!r} 0 0", type="fixed"),
-        linkages.J("c", "rocker", "c_end", rpy=f"{arcs[2]!r} 0 0", type="fixed"),
+        linkage_text.J("A", "base", "crank"),
+        linkage_text.J("B", "crank", "coupler", rpy=f"{arcs[0]!r} 0 0"),
+        linkage_text.J("D", "base", "rocker", rpy=f"{arcs[3]!r} 0 0"),
+        linkage_text.J("b", "coupler", "b_end", rpy=f"{arcs[1]!r} 0 0", type="fixed"),
+        linkage_text.J("c", "rocker", "c_end", rpy=f"{arcs[2]!r} 0 0", type="fixed"),
     ]
-    cut = linkages.Cut("C", "b_end", "c_end", "0 0 0.2", "0 0 0.2")
-    return linkages.load(
+    cut = linkage_text.Cut("C", "b_end", "c_end", "0 0 0.2", "0 0 0.2")
+    return linkage_text.load(
         "spherical_four_bar",
         joints,
         [cut],
@@ -163,17 +164,17 @@ def agile_eye() -> cc.Mechanism:
         first, second, third = (0.1 * e[(leg + k) % 3] for k in range(3))
         a, b = f"a{leg}", f"b{leg}"
         joints += [
-            linkages.J(f"u{leg}", "base", a, words(first), words(10.0 * first)),
-            linkages.J(f"w{leg}", a, b, words(second - first), words(10.0 * second)),
+            linkage_text.J(f"u{leg}", "base", a, words(first), words(10.0 * first)),
+            linkage_text.J(f"w{leg}", a, b, words(second - first), words(10.0 * second)),
         ]
         if leg == 0:
             joints.append(
-                linkages.J("v0", b, "platform", words(third - second), words(10.0 * third))
+                linkage_text.J("v0", b, "platform", words(third - second), words(10.0 * third))
             )
             origin = third
         else:
             cuts.append(
-                linkages.Cut(
+                linkage_text.Cut(
                     f"v{leg}",
                     b,
                     "platform",
@@ -183,7 +184,7 @@ def agile_eye() -> cc.Mechanism:
                     child_axis=words(10.0 * third),
                 )
             )
-    return linkages.load(
+    return linkage_text.load(
         "agile_eye",
         joints,
         cuts,
@@ -297,13 +298,15 @@ def test_loops_that_share_no_joint_are_judged_one_by_one() -> None:
     joints, cuts, home = [], [], {}
     for i, (base, at) in enumerate((("base", "0"), ("k0", "0.3"))):
         joints += [
-            linkages.J(f"A{i}", base, f"c{i}", f"{at} 0 0"),
-            linkages.J(f"B{i}", f"c{i}", f"k{i}", "0.15 0 0"),
-            linkages.J(f"D{i}", base, f"r{i}", f"{float(at) + 0.4!r} 0 0"),
+            linkage_text.J(f"A{i}", base, f"c{i}", f"{at} 0 0"),
+            linkage_text.J(f"B{i}", f"c{i}", f"k{i}", "0.15 0 0"),
+            linkage_text.J(f"D{i}", base, f"r{i}", f"{float(at) + 0.4!r} 0 0"),
         ]
-        cuts.append(linkages.Cut(f"C{i}", f"k{i}", f"r{i}", "0.35 0 0", "0.2 0 0"))
+        cuts.append(linkage_text.Cut(f"C{i}", f"k{i}", f"r{i}", "0.35 0 0", "0.2 0 0"))
         home |= {f"A{i}": 1.0, f"B{i}": -0.8, f"D{i}": 1.2}
-    text = linkages.urdf("two", joints, cuts, inputs={"q0": "A0", "q1": "A1"}, home=home, tip="k1")
+    text = linkage_text.urdf(
+        "two", joints, cuts, inputs={"q0": "A0", "q1": "A1"}, home=home, tip="k1"
+    )
     exact = cc.load_urdf(text, xacro=False)
     assert exact.rounding is None
     # a hinge of the second loop leans by what four decimals leave out
@@ -321,23 +324,23 @@ def test_loops_that_share_no_joint_are_judged_one_by_one() -> None:
 def bar_closed_by(kind: ClosureType) -> cc.Mechanism:
     """Planar linkage of mobility 1 (2 where a rod, 3 where nothing closes it) with such a joint."""
     tree = [
-        linkages.J("A", "base", "crank"),
-        linkages.J("B", "crank", "coupler", "0.15 0 0"),
-        linkages.J("D", "base", "rocker", "0.4 0 0"),
+        linkage_text.J("A", "base", "crank"),
+        linkage_text.J("B", "crank", "coupler", "0.15 0 0"),
+        linkage_text.J("D", "base", "rocker", "0.4 0 0"),
     ]
     home = {"A": 1.0, "B": -0.8, "D": 1.2}
-    end = linkages.J("E", "coupler", "end", "0.35 0 0")
-    cut = linkages.Cut("C", "coupler", "rocker", "0.35 0 0", "0.2 0 0", type=kind)
+    end = linkage_text.J("E", "coupler", "end", "0.35 0 0")
+    cut = linkage_text.Cut("C", "coupler", "rocker", "0.35 0 0", "0.2 0 0", type=kind)
     if kind == "fixed":
         tree.append(end)
-        cut = linkages.Cut("C", "end", "rocker", "0 0 0", "0.2 0 0", type=kind)
+        cut = linkage_text.Cut("C", "end", "rocker", "0 0 0", "0.2 0 0", type=kind)
     elif kind == "prismatic":
         tree, home = [*tree[:2], end], {"A": 0.7}
         x = "1 0 0"
-        cut = linkages.Cut("C", "base", "end", type=kind, axis=x, child_axis=x)
+        cut = linkage_text.Cut("C", "base", "end", type=kind, axis=x, child_axis=x)
     elif kind == "universal":
         cut = replace(cut, child_axis="0 1 0")
-    return linkages.load(
+    return linkage_text.load(
         "bar", tree, [cut], inputs={"q1": "A"}, home=home, tip="coupler", outputs="x"
     )
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 
+import linkage_text
 import linkages
 import numpy as np
 import pytest
@@ -23,16 +24,16 @@ def five_bar_at(a: float, e: float) -> tuple[cc.Mechanism, np.ndarray]:
 
 def stretched() -> tuple[cc.Mechanism, np.ndarray]:
     """Five-bar whose tip is the far end of the left rod, with the left leg stretched."""
-    m = linkages.load(
+    m = linkage_text.load(
         "stretched",
         [
-            linkages.J("A", "base", "left"),
-            linkages.J("B", "left", "left_rod", "0.2 0 0"),
-            linkages.J("E", "base", "right", "0.3 0 0"),
-            linkages.J("D", "right", "right_rod", "0.2 0 0"),
-            linkages.J("end", "left_rod", "tip", "0.3 0 0", type="fixed"),
+            linkage_text.J("A", "base", "left"),
+            linkage_text.J("B", "left", "left_rod", "0.2 0 0"),
+            linkage_text.J("E", "base", "right", "0.3 0 0"),
+            linkage_text.J("D", "right", "right_rod", "0.2 0 0"),
+            linkage_text.J("end", "left_rod", "tip", "0.3 0 0", type="fixed"),
         ],
-        [linkages.Cut("C", "left_rod", "right_rod", "0.3 0 0", "0.3 0 0")],
+        [linkage_text.Cut("C", "left_rod", "right_rod", "0.3 0 0", "0.3 0 0")],
         inputs={"q1": "A", "q2": "E"},
         home={"A": 2.2, "B": -1.3, "E": 0.9, "D": 1.3},
         tip="tip",
@@ -261,15 +262,15 @@ def test_what_is_refused() -> None:
 
 def limited(lower: float, upper: float) -> cc.Mechanism:
     """The five-bar with limits of crank E."""
-    text = linkages.urdf(
+    text = linkage_text.urdf(
         "five_bar",
         [
-            linkages.J("A", "base", "left"),
-            linkages.J("B", "left", "left_rod", "0.2 0 0"),
-            linkages.J("E", "base", "right", "0.3 0 0"),
-            linkages.J("D", "right", "right_rod", "0.2 0 0"),
+            linkage_text.J("A", "base", "left"),
+            linkage_text.J("B", "left", "left_rod", "0.2 0 0"),
+            linkage_text.J("E", "base", "right", "0.3 0 0"),
+            linkage_text.J("D", "right", "right_rod", "0.2 0 0"),
         ],
-        [linkages.Cut("C", "left_rod", "right_rod", "0.3 0 0", "0.3 0 0")],
+        [linkage_text.Cut("C", "left_rod", "right_rod", "0.3 0 0", "0.3 0 0")],
         inputs={"q1": "A", "q2": "E"},
         home={"A": 0.3, "B": 1.32, "E": 1.0, "D": 1.45},
         tip="left_rod",
@@ -333,14 +334,14 @@ def test_ends_after_as_many_postures_as_allowed() -> None:
 
 def test_branch_point_is_noted_and_passed(tol: Tolerances) -> None:
     """A parallelogram, once flat, may go on as an antiparallelogram."""
-    m = linkages.load(
+    m = linkage_text.load(
         "parallelogram",
         [
-            linkages.J("A", "base", "left"),
-            linkages.J("B", "left", "bar", "0.4 0 0"),
-            linkages.J("D", "base", "right", "0.1 0 0"),
+            linkage_text.J("A", "base", "left"),
+            linkage_text.J("B", "left", "bar", "0.4 0 0"),
+            linkage_text.J("D", "base", "right", "0.1 0 0"),
         ],
-        [linkages.Cut("C", "bar", "right", "0.1 0 0", "0.4 0 0")],
+        [linkage_text.Cut("C", "bar", "right", "0.1 0 0", "0.4 0 0")],
         inputs={"q1": "A"},
         home={"A": 1.0, "B": -1.0, "D": 1.0},
         tip="bar",

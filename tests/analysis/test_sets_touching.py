@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from linkages import J, load
+from linkage_text import J, load
 from singular_points import check_points
 
 import closedchain as cc

@@ -8,10 +8,11 @@ from dataclasses import replace
 from itertools import product
 from pathlib import Path
 
+import linkage_text
 import linkages
 import numpy as np
 import pytest
-from linkages import Cut, J
+from linkage_text import Cut, J
 
 import closedchain as cc
 from closedchain.analysis.figures.palette import COLOURS, KIND_LABELS
@@ -34,7 +35,7 @@ def posture(m: cc.Mechanism, **values: float) -> np.ndarray:
 
 def toggled(tip: str, outputs: str) -> tuple[cc.Mechanism, np.ndarray]:
     """A four-bar driven at its rocker, crank and coupler in line."""
-    m = linkages.load(
+    m = linkage_text.load(
         "rocker_driven",
         [
             J("A", "base", "crank"),
@@ -52,7 +53,7 @@ def toggled(tip: str, outputs: str) -> tuple[cc.Mechanism, np.ndarray]:
 
 def folded(tip: str, outputs: str, **inputs: str) -> tuple[cc.Mechanism, np.ndarray]:
     """A parallelogram that lies flat at home."""
-    m = linkages.load(
+    m = linkage_text.load(
         "flat_parallelogram",
         [
             J("A", "base", "crank"),
@@ -249,7 +250,9 @@ def test_idle_freedoms_are_named_and_singular_nowhere() -> None:
 
 
 def test_without_a_task_nothing_is_claimed() -> None:
-    m = linkages.load("lone", [J("A", "base", "arm"), J("B", "arm", "hand")], inputs={"q1": "A"})
+    m = linkage_text.load(
+        "lone", [J("A", "base", "arm"), J("B", "arm", "hand")], inputs={"q1": "A"}
+    )
     found = cc.mobility(m)
     assert (found.undriven, found.idle) == (None, None)
     assert "without a task" in found.text.replace("\n", " ")

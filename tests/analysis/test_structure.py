@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+import linkage_text
 import linkages
 import numpy as np
 import pytest
@@ -280,7 +281,7 @@ def test_bad_questions_are_refused(d1: cc.Mechanism) -> None:
     with pytest.raises(cc.ClosureError, match="frame"):
         cc.poc(d1, "nothing")
     with pytest.raises(cc.ClosureError, match="has no task"):
-        cc.poc(linkages.load("bare", [linkages.J("A", "base", "arm")]))
+        cc.poc(linkage_text.load("bare", [linkage_text.J("A", "base", "arm")]))
     with pytest.raises(cc.ClosureError, match="nq"):
         cc.structure(d1, [1.0, 2.0])
     q = np.array(d1.home)

@@ -7,7 +7,8 @@ from functools import cache
 import numpy as np
 import pytest
 import sympy
-from linkages import Cut, J, three_rrr, urdf
+from linkage_text import Cut, J, urdf
+from linkages import three_rrr
 
 import closedchain as cc
 from closedchain.robots import rpa3t

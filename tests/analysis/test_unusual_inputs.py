@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import linkage_text
 import linkages
 import numpy as np
 import pytest
-from linkages import Cut, J
+from linkage_text import Cut, J
 from typer.testing import CliRunner
 
 import closedchain as cc
@@ -16,7 +17,7 @@ from closedchain.cli import app
 
 def five_bar(inputs: dict[str, str]) -> cc.Mechanism:
     """Five-bar whose output is the turn of a rod, which both cranks move."""
-    return linkages.load(
+    return linkage_text.load(
         "five_bar",
         [
             J("A", "base", "left"),
@@ -53,7 +54,7 @@ def test_inputs_that_contradict_each_other_say_what_would_fit() -> None:
 
 
 def test_without_inputs_there_is_one_sentence(tmp_path: Path) -> None:
-    m = linkages.load(
+    m = linkage_text.load(
         "loose",
         [J("A", "base", "crank"), J("B", "crank", "coupler", "0.15 0 0"),
          J("D", "base", "rocker", "0.4 0 0")],
@@ -103,7 +104,7 @@ def test_a_survey_over_an_input_called_q(tmp_path: Path) -> None:
 def rod_between_balls() -> cc.Mechanism:
     """A crank that swings a rocker by a rod between two balls: one of them is three hinges."""
     length = float(np.hypot(0.4, 0.1))
-    return linkages.load(
+    return linkage_text.load(
         "rod",
         [
             J("crank", "base", "arm"),
@@ -152,7 +153,7 @@ def test_what_does_not_depend_on_an_idle_spin_works_beside_it() -> None:
 
 def test_a_driven_hinge_before_two_others_is_no_ball() -> None:
     """A motor whose axis goes through a universal joint: one drive, and a joint beyond it."""
-    m = linkages.load(
+    m = linkage_text.load(
         "motor",
         [
             J("motor", "base", "hub", axis="0 1 0"),

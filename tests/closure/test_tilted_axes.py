@@ -11,7 +11,7 @@ from closedchain.closure.tape.verified import verify
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "analysis"))
 
-from linkages import Cut, J, urdf
+from linkage_text import Cut, J, urdf
 
 
 @pytest.mark.parametrize("tilt", [1e-17, 1e-12, 4e-9, 1e-8, 1e-5])

@@ -15,7 +15,8 @@ from closedchain.closure.solve.outcome import Ending
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "analysis"))
 
-from linkages import J, flat_parallelogram, four_bar, load
+from linkage_text import J, load
+from linkages import flat_parallelogram, four_bar
 
 PUSH = np.array([3.0, -2.0, 5.0, 0.4, -0.3, 0.2])
 DOWN = [0.0, -9.81, 0.0]

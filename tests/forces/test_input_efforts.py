@@ -12,7 +12,8 @@ import closedchain as cc
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "analysis"))
 
-from linkages import J, four_bar, load, spinning_rod
+from linkage_text import J, load
+from linkages import four_bar, spinning_rod
 
 PUSH = np.array([3.0, -2.0, 5.0, 0.4, -0.3, 0.2])
 

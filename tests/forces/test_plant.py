@@ -15,7 +15,8 @@ from closedchain.analysis.forces.plant import Fit, plant_under
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "analysis"))
 
-from linkages import J, four_bar, load
+from linkage_text import J, load
+from linkages import four_bar
 
 DRAWN = [name for name in cc.robots() if name != "wren"]
 """Those with hinges or slides, whose values are drawn at random."""

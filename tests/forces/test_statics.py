@@ -16,7 +16,8 @@ from closedchain.urdf import ClosureType
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "analysis"))
 
-from linkages import Cut, J, Tie, four_bar, load, spinning_rod
+from linkage_text import Cut, J, Tie, load
+from linkages import four_bar, spinning_rod
 
 DRAWN = [name for name in cc.robots() if name != "wren"]
 """Those with hinges or slides, whose values are drawn at random."""

@@ -13,7 +13,8 @@ from closedchain.analysis.forces.tip_measures import NAMED, tip_measure
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "analysis"))
 
-from linkages import Cut, J, four_bar, load
+from linkage_text import Cut, J, load
+from linkages import four_bar
 
 CRANK, ROD, APART = 0.3, 0.4, 0.4
 

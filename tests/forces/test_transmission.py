@@ -12,7 +12,8 @@ from closedchain.analysis.forces.transmission_table import csv_text
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "analysis"))
 
-from linkages import Cut, J, four_bar, load, urdf
+from linkage_text import Cut, J, load, urdf
+from linkages import four_bar
 
 
 def ankle(**more: object) -> cc.Mechanism:

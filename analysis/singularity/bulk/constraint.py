@@ -92,7 +92,7 @@ class Constraint:
 
     @cached_property
     def sampled(self) -> tuple[np.ndarray, np.ndarray]:
-        """Inverses of A and of W (n, r, r) at the plan's samples."""
+        """Inverses of A and of W (n, r, r) at the plan's samples, whose eigenvectors are sought."""
         r, samples = len(self.tape.plan.kept), self.tape.plan.samples
         zero = self.tape.graph.constant(0.0)
         weight = self.weight or {i: {i: self.tape.graph.constant(1.0)} for i in range(r)}
